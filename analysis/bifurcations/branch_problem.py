@@ -6,6 +6,7 @@ and gives its test functions. Equilibria are in `filippov.analysis.bifurcations.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -328,11 +329,11 @@ class OrbitProblem:
         """See `BranchProblem`."""
         orbit = self.orbit(u, value)
         half = orbit.half_multipliers
-        tests = {"Neimark-Sacker": _pairs(orbit.multipliers if half is None else half)}
+        tests = {"Neimark-Sacker": pairs(orbit.multipliers if half is None else half)}
         if half is not None:
-            tests["symmetry breaking"] = _product(half + 1.0)
+            tests["symmetry breaking"] = product(half + 1.0)
         else:
-            tests["period doubling"] = _product(orbit.multipliers + 1.0)
+            tests["period doubling"] = product(orbit.multipliers + 1.0)
         names = orbit.system.states
         data = {"period": orbit.period}
         for i, name in enumerate(names):
@@ -453,13 +454,12 @@ def _told(word: str, solutions: Sequence[Solution]) -> str:
     return word + (f" with {jumps} resets" if jumps else "")
 
 
-def _product(values: Complex) -> float:
+def product(values: Complex) -> float:
     """The product of conjugate numbers: real."""
     return float(np.prod(values).real) if values.size else 1.0
 
 
-def _pairs(values: Complex) -> float:
-    """Product of 1 - a b over pairs: 0 where two have the product 1, as a pair on the unit circle has."""
-    count = len(values)
-    rest = [1.0 - values[i] * values[j] for i in range(count) for j in range(i + 1, count)]
-    return _product(np.array(rest)) if rest else 1.0
+def pairs(values: Complex, sums: bool = False) -> float:
+    """Product of 1 - a b over pairs: 0 where a pair is on the unit circle; `sums`: of a + b."""
+    both = itertools.combinations(values, 2)
+    return product(np.array([a + b if sums else 1.0 - a * b for a, b in both], dtype=complex))

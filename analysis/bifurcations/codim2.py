@@ -31,7 +31,7 @@ import numpy.typing as npt
 from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.boundary_normal_form import BoundaryEquilibrium
 from filippov.analysis.bifurcations.branch import BranchPoint
-from filippov.analysis.bifurcations.branch_problem import OrbitProblem
+from filippov.analysis.bifurcations.branch_problem import OrbitProblem, pairs, product
 from filippov.analysis.bifurcations.corrector import FAILURES
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.return_jets import return_jets
@@ -81,18 +81,6 @@ def orbit_multipliers(inner: Any, u: Array, value: float, point: BranchPoint) ->
         half = orbit.half_multipliers
         return orbit.multipliers if half is None else half
     return np.array(point.multipliers, dtype=complex)
-
-
-def product(values: Complex) -> float:
-    """The product of conjugate numbers: real."""
-    return float(np.prod(values).real) if values.size else 1.0
-
-
-def pairs(values: Complex, sums: bool = False) -> float:
-    """Product of 1 - a b, or of a + b, over pairs."""
-    count = len(values)
-    rows = [(values[i], values[j]) for i in range(count) for j in range(i + 1, count)]
-    return product(np.array([a + b if sums else 1.0 - a * b for a, b in rows], dtype=complex))
 
 
 def without(values: Complex, goal: float) -> Complex:

@@ -32,6 +32,7 @@ import numpy.typing as npt
 import sympy
 
 from filippov.base.errors import UsageError
+from filippov.model.symbolic import lie_derivative
 from filippov.model.symbols import t as time
 from filippov.model.system import System
 
@@ -79,14 +80,14 @@ class _Beside:
         H = side * form.h_at_mode(first)[i]
         g = sympy.Matrix([H]).jacobian(y)
         v1, v2 = (g * f1)[0], (g * f2)[0]
-        a1, a2 = self._lie(v1, f1, y), self._lie(v2, f2, y)
+        a1, a2 = lie_derivative(v1, f1, y), lie_derivative(v2, f2, y)
         self.affine = all(sympy.diff(f, form.s[i], 2) == 0 for f in self.free)
         arguments = (time, form.x, form.p)
         parts: dict[str, Any] = {
             "f1": f1, "f2": f2, "H": H, "g": g, "v1": v1, "v2": v2, "a1": a1, "a2": a2,
-            "a12": self._lie(v2, f1, y),
+            "a12": lie_derivative(v2, f1, y),
         }  # fmt: skip
-        self._late = {"a3": lambda: self._lie(a2, f2, y), "w": lambda: _bracket(f1, f2, g, v2, y),
+        self._late = {"a3": lambda: lie_derivative(a2, f2, y), "w": lambda: _bracket(f1, f2, g, v2, y),
                       "K": lambda: (f2 - f1).jacobian(y)}  # fmt: skip
         if self.reset:
             after = form.reset[i]
@@ -96,10 +97,6 @@ class _Beside:
             parts |= {"R": states, "Ry": states.jacobian(y)}
         self._arguments, self._parts = arguments, parts
         self._functions: dict[str, Any] = {}
-
-    @staticmethod
-    def _lie(value: Any, field: sympy.Matrix, y: Sequence[Any]) -> Any:
-        return sum((value.diff(q) * f for q, f in zip(y, field, strict=True)), sympy.S.Zero)
 
     def value(self, name: str, t: float, x: Array, p: Array) -> Array:
         """One part at a point, at least a row."""

@@ -14,8 +14,7 @@ from sympy import Expr, Symbol
 from filippov.analysis.algebra.exact_form import exact_form
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.model.size import cancelled
-from filippov.model.symbolic import SymbolicForm
-from filippov.model.symbols import t
+from filippov.model.symbolic import SymbolicForm, rate_along
 from filippov.model.system import System
 
 Found = EquilibriumPoint | EquilibriumSet
@@ -48,7 +47,7 @@ def _stops(system: System, form: SymbolicForm, i: int, values: Mapping[Symbol, E
     landed = cancelled(side * h.subs(moved, simultaneous=True)).subs(values)
     if landed.is_number and landed.is_positive:
         return True
-    rate = h.diff(t) + sum(h.diff(x) * f for x, f in zip(form.x, form.field, strict=True))
+    rate = rate_along(h, form.field, form.x)
     if cancelled(h.subs(moved, simultaneous=True) - h) != 0 or rate == 0 or rate.free_symbols & signs:
         return False
     ratio = cancelled(rate.subs(moved, simultaneous=True) / rate).subs(values)

@@ -27,8 +27,7 @@ from filippov.base.errors import ModelError
 from filippov.base.status import EventKind, mode_text
 from filippov.model.parameter_symbol import ParameterSymbol
 from filippov.model.size import expanded
-from filippov.model.symbolic import SymbolicForm
-from filippov.model.symbols import t
+from filippov.model.symbolic import SymbolicForm, rate_along
 from filippov.model.system import System
 from filippov.solving.state.events import Mode
 
@@ -191,9 +190,7 @@ class Guards:
             if slope.is_number and slope.is_nonzero:
                 field[k] = field[k] - rate / slope
                 break
-        growth = rate.diff(t) + sum(
-            (rate.diff(x) * f for x, f in zip(self.form.x, field, strict=True)), sympy.S.Zero
-        )
+        growth = rate_along(rate, field, self.form.x)
         text = self._text(i, target, bound)
         items = [
             (f"{text} = 0", sympy.Eq(_settled(rate, on), 0)),

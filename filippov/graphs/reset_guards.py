@@ -21,7 +21,7 @@ from sympy import Expr, Symbol
 from filippov.base.status import EventKind
 from filippov.graphs.guards import Guards, Transition, formula_text, with_sign
 from filippov.model.size import cancelled
-from filippov.model.symbols import t
+from filippov.model.symbolic import rate_along
 from filippov.model.table import vanishes
 from filippov.solving.state.events import Mode
 
@@ -82,10 +82,7 @@ def _lift(guards: Guards, mode: Mode, i: int) -> Iterator[Transition]:
     if push is None:
         return
     growth = push[1]
-    field = guards.vertex(target)
-    further = growth.diff(t) + sum(
-        (growth.diff(x) * f for x, f in zip(guards.form.x, field, strict=True)), sympy.S.Zero
-    )
+    further = rate_along(growth, guards.vertex(target), guards.form.x)
     outwards = sympy.Gt(further, 0) if contact.side > 0 else sympy.Lt(further, 0)
     balance = sympy.Eq(growth, 0)
     if sympy.false in (outwards, balance):
@@ -103,9 +100,7 @@ def _acceleration(guards: Guards, mode: Mode, i: int) -> tuple[Expr, Expr] | Non
     if rate is None or solved is None:
         return None
     field = [f.xreplace(solved) for f in guards.vertex(mode)]
-    growth = rate.diff(t) + sum(
-        (rate.diff(x) * f for x, f in zip(guards.form.x, field, strict=True)), sympy.S.Zero
-    )
+    growth = rate_along(rate, field, guards.form.x)
     on = guards.at_surface(mode, i)
     return guards.settled(rate, on), guards.settled(growth, on)
 

@@ -105,22 +105,10 @@ def assemble(
         out.append(replace(declared, kind=kind))
     if inputs:
         signals = {symbol: node for node, symbol in inputs.items()}
-        form = put_into(form, signals)
+        form = form.put(signals)
         out = [put_into_source(surface, signals) for surface in out]
         check_inputs([*inputs], (*x, *p))
     return with_contacts(*normalised(form, out))
-
-
-def put_into(form: SymbolicForm, values: Mapping[Any, Expr]) -> SymbolicForm:
-    """The form with the functions of time that its symbols stand for."""
-
-    def put(row: Sequence[Expr] | None) -> Any:
-        return None if row is None else tuple(e.xreplace(values) for e in row)
-
-    return replace(
-        form, field=put(form.field), h=put(form.h), radius=tuple(map(put, form.radius)),
-        reset=tuple(map(put, form.reset)), time_reset=tuple(map(put, form.time_reset)),
-    )
 
 
 def check_inputs(nodes: Sequence[Expr], others: Sequence[Symbol]) -> None:

@@ -15,7 +15,7 @@ from filippov.base.symbolic_value import is_expression
 from filippov.model.bristles import DAMPED, MODELS, Part
 from filippov.model.parameter import as_number
 from filippov.model.parameter_symbol import ParameterNamespace, ParameterSymbol
-from filippov.model.symbolic import Select, convex
+from filippov.model.symbolic import Select, convex, lie_derivative
 from filippov.model.symbols import states, t
 from filippov.model.system import System
 
@@ -115,7 +115,7 @@ def _with_h(f: Expr, h: Expr, value: Expr, x: Sequence[Symbol]) -> Iterator[Expr
 
 def _tau(name: str, h: Expr, rest: Sequence[Expr], x: Sequence[Symbol], w: Expr) -> Expr:
     """sqrt(w/level), level the rate of h by the static level."""
-    level = sum((h.diff(v) * q for v, q in zip(x, rest, strict=True)), sympy.S.Zero)
+    level = lie_derivative(h, rest, x)
     if level == 0 or level.free_symbols & set(x):
         raise ModelError(f"surface {name!r}: dh/dt by its sign is {level}; give tau, a time.")
     return sympy.sqrt(w / Abs(level))

@@ -21,7 +21,7 @@ import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 
-from filippov.model.symbolic import SymbolicForm, convex
+from filippov.model.symbolic import SymbolicForm, convex, rate_along
 from filippov.model.symbols import t
 from filippov.model.system import System
 
@@ -221,8 +221,7 @@ def _rate(
     phi: Expr, states: tuple[Symbol, ...], field: tuple[Expr, ...], signs: tuple[Symbol, ...]
 ) -> tuple[Expr, tuple[Expr, ...]]:
     """d/dt phi along the field, and what each sign does to it."""
-    along = (phi.diff(x) * f for x, f in zip(states, field, strict=True))
-    rate = sympy.expand(phi.diff(t) + sum(along, sympy.S.Zero))
+    rate = sympy.expand(rate_along(phi, field, states))
     return rate, tuple(rate.diff(s) for s in signs)
 
 

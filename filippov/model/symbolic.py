@@ -7,8 +7,8 @@ else f_minus.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -203,10 +203,7 @@ class SymbolicForm:
     def rates(self, mode: Sequence[int] | str) -> tuple[Expr, ...]:
         """d/dt h = dh/dt + grad h . f in a mode, one expression per surface."""
         field = self.at_mode(mode)
-        return tuple(
-            h.diff(t) + sum((h.diff(x) * f for x, f in zip(self.x, field, strict=True)), sympy.S.Zero)
-            for h in self.h_at_mode(mode)
-        )
+        return tuple(rate_along(h, field, self.x) for h in self.h_at_mode(mode))
 
     def plain_h(self) -> tuple[Expr, ...]:
         """Return the switching functions with Abs(h_j) written out in place of a_j."""
@@ -243,8 +240,29 @@ class SymbolicForm:
         for after in (*self.reset, *self.time_reset):
             yield from after or ()
 
+    def put(self, values: Mapping[Any, Expr]) -> SymbolicForm:
+        """The form with expressions in place of symbols in all that it states."""
+
+        def row(given: Sequence[Expr] | None) -> Any:
+            return None if given is None else tuple(e.xreplace(values) for e in given)
+
+        return replace(
+            self, field=row(self.field), h=row(self.h), radius=tuple(map(row, self.radius)),
+            reset=tuple(map(row, self.reset)), time_reset=tuple(map(row, self.time_reset)),
+        )  # fmt: skip
+
     def __getstate__(self) -> dict[str, Any]:
         return {k: v for k, v in self.__dict__.items() if k != "inputs"}
+
+
+def lie_derivative(h: Expr, field: Iterable[Expr], x: Iterable[Symbol]) -> Expr:
+    """grad h . f, the rate of h along a field that does not depend on time."""
+    return sum((h.diff(q) * f for q, f in zip(x, field, strict=True)), sympy.S.Zero)
+
+
+def rate_along(h: Expr, field: Iterable[Expr], x: Iterable[Symbol]) -> Expr:
+    """dh/dt + grad h . f, the rate of h along the solutions of a field."""
+    return h.diff(t) + lie_derivative(h, field, x)
 
 
 def convex(f: Expr, free: set[Symbol]) -> Expr:

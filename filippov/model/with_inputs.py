@@ -11,7 +11,7 @@ from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
 from filippov.base.names import unknown
-from filippov.model.assemble import check_inputs, put_into, put_into_source, with_contacts
+from filippov.model.assemble import check_inputs, put_into_source, with_contacts
 from filippov.model.check import as_expression
 from filippov.model.comparator import Exact
 from filippov.model.parameter import ParameterSet
@@ -33,7 +33,7 @@ def with_inputs(system: Any, signals: Mapping[str, Any]) -> Any:
     _check_fixed(system, values)
     gone = {q for q in values if isinstance(q, Symbol)}
     p = tuple(q for q in form.p if q not in gone)
-    new = replace(put_into(form, values), p=p)
+    new = replace(form.put(values), p=p)
     check_inputs([node for e in new.expressions() for node in e.atoms(Sampled)], (*form.x, *p))
     # Whether a surface can be rested on is looked at anew, where it was not declared otherwise than found.
     free = tuple(q if q.reset is None else replace(q, contact=None) for q in system.surfaces)

@@ -16,11 +16,12 @@ from __future__ import annotations
 
 import numpy as np
 import sympy
-from sympy import Expr, Symbol
+from sympy import Expr
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.local_stability.certificates.certificate import Certificate
 from filippov.analysis.local_stability.certificates.local import Local
+from filippov.model.symbolic import lie_derivative
 
 ANOSOV = "Anosov 1959, Autom. Remote Control 20, 135; Tsypkin 1984"
 ON = "Fridman & Levant 2002"
@@ -45,8 +46,8 @@ def relay_order(found: Local) -> Certificate | None:
     while True:
         rows.append(h)
         order += 1
-        gain = sympy.simplify(_along(h, push, found.x))
-        rest = sympy.expand(_along(h, mean, found.x))
+        gain = sympy.simplify(lie_derivative(h, push, found.x))
+        rest = sympy.expand(lie_derivative(h, mean, found.x))
         if gain != 0 or order == len(found.x):
             break
         h = rest
@@ -80,10 +81,6 @@ def relay_order(found: Local) -> Certificate | None:
         text = "the switching about h = h' = 0 dies out, and solutions in it come to the point"
         return Certificate("asymptotically stable", text, ANOSOV, tuple(told))
     return None
-
-
-def _along(h: Expr, field: sympy.Matrix, x: tuple[Symbol, ...]) -> Expr:
-    return sum((h.diff(q) * f for q, f in zip(x, field, strict=True)), sympy.S.Zero)
 
 
 def _without_two(matrix: np.ndarray) -> np.ndarray:

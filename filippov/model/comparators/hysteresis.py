@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -30,15 +30,9 @@ def normalised(
     if all(w is None for w in widths):
         return form, tuple(surfaces)
     sizes: dict[Symbol, Expr] = {a: w * a for a, w in zip(form.a, widths, strict=True) if w is not None}
-
-    def put(row: Iterable[Expr] | None) -> Any:
-        return None if row is None else tuple(e.xreplace(sizes) for e in row)
-
-    h = tuple(e if w is None else e / w for e, w in zip(put(form.h), widths, strict=True))
-    scaled = replace(
-        form, field=put(form.field), h=h, radius=tuple(map(put, form.radius)),
-        reset=tuple(map(put, form.reset)), time_reset=tuple(map(put, form.time_reset)), widths=widths,
-    )  # fmt: skip
+    scaled = form.put(sizes)
+    h = tuple(e if w is None else e / w for e, w in zip(scaled.h, widths, strict=True))
+    scaled = replace(scaled, h=h, widths=widths)
     out = tuple(
         q if w is None else replace(q, h=q.h / w, width=1.0) for q, w in zip(surfaces, widths, strict=True)
     )

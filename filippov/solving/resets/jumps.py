@@ -24,7 +24,7 @@ import numpy as np
 from filippov.base.status import Status
 from filippov.kernel.loop.limit import KEPT
 from filippov.solving.resets.impact_law import generalised_newton, hold, too_close, unresolved
-from filippov.solving.selection.ambiguity import point_of
+from filippov.solving.selection.ambiguity import guard_rows_of, point_of
 from filippov.solving.state.leading import Terms, leading_term
 from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
@@ -409,12 +409,8 @@ def runs_onto(run: Run, x: Array, mode: Array, rates: Rates, i: int) -> bool:
     point = _point(run, x, mode)
     g, gt = point.gradients(mode)
     size = float(np.sum(np.abs(g[i] * x)) + abs(gt[i] * run.t))
-    term = leading_term(point, mode, np.array(run.lam), partial(_guard, i), Terms(size, 0.0))
+    term = leading_term(point, mode, np.array(run.lam), partial(guard_rows_of, i), Terms(size, 0.0))
     return term is not None and term[1] < 0
-
-
-def _guard(i: int, rows: Array) -> Array:
-    return np.asarray(rows[:, 0, i])
 
 
 def _point(run: Run, x: Array, mode: Array) -> Point:

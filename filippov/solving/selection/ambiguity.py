@@ -149,11 +149,12 @@ def _side(point: Point, beside: Successor, surface: int, sign: float) -> tuple[i
     g, gt = point.gradients(mode)
     size = float(guard_terms(g, gt, point.t, point.x)[surface])
     terms = Terms(size, point.terms(surface, mode), grain=point.grain)
-    term = leading_term(point, mode, lam, partial(_guard, surface), terms)
+    term = leading_term(point, mode, lam, partial(guard_rows_of, surface), terms)
     return None if term is None or term[0] == 0 else (term[0], term[1] > 0)
 
 
-def _guard(surface: int, rows: Array) -> Array:
+def guard_rows_of(surface: int, rows: Array) -> Array:
+    """A surface's guard among the guards along a step."""
     return np.asarray(rows[:, 0, surface])
 
 
