@@ -17,6 +17,7 @@ from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome,
 from filippov.app.bank.polynomial import Polynomial
 from filippov.app.bank.system_form import SystemForm
 
+# In this order: the rules of `sets` end with one that any name of a parameter fits.
 _RULES = {CaseRuns: (*events.RULES, *states.RULES, *sets.RULES), Polynomial: polynomials.RULES}
 _LABELLED = re.compile(r"(?P<label>[A-Z]\d+)_(?P<rest>.+)")
 _SYSTEM = typed_json.hints(SystemForm)
