@@ -34,6 +34,7 @@ def reset_control(r: float = 1.0, b: float = 1.0, k: float = 1.0, pole: float = 
         {z: w, w: u - p.pole * w, u: p.k * e - p.b * u},
         surfaces=[Surface("error", e, reset={u: 0}, side="both")],
         parameters=p,
+        labels={"t": "time [s]", "z": "output", "w": "rate of the output [1/s]", "u": "effort [1/s^2]"},
     )
 
 

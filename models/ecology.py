@@ -50,6 +50,7 @@ def switching_predator(
         },
         surfaces=[Surface("profit", profit)],
         parameters=p,
+        labels={"t": "time [s]", "R1": "prey 1", "R2": "prey 2", "C": "predator"},
     )
 
 
@@ -89,6 +90,7 @@ def threshold_harvest(
         },
         surfaces=[Surface("threshold", C - p.threshold)],
         parameters=p,
+        labels={"t": "time [s]", "R": "prey", "C": "predator"},
     )
 
 

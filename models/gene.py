@@ -54,6 +54,7 @@ def two_gene(
             Surface("x2 high", x2 - p.high2),
         ],
         parameters=p,
+        labels={"t": "time [s]", "x1": "concentration x1", "x2": "concentration x2"},
     )
 
 

@@ -51,6 +51,7 @@ def impact_oscillator(
         {x: v, v: p.F * cos(p.omega * t) - 2 * p.zeta * v - x},
         surfaces=[Surface("wall", p.wall - x, reset={v: -p.e * v})],
         parameters=p,
+        labels={"t": "dimensionless time", "x": "position x", "v": "velocity v"},
     )
 
 

@@ -53,6 +53,7 @@ def relay(
         },
         surfaces=[Surface("output", x1)],
         parameters=p,
+        labels={"t": "time [s]", "x1": "output x1", "x2": "x2", "x3": "x3"},
     )
 
 

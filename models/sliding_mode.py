@@ -31,6 +31,7 @@ def sliding_mode(K: float = 2.0, c: float = 1.0, A: float = 0.5, omega: float = 
         {x: v, v: -p.K * sign(manifold) + p.A * sin(p.omega * t)},
         surfaces=[Surface("manifold", manifold)],
         parameters=p,
+        labels={"t": "time [s]", "x": "position [m]", "v": "velocity [m/s]"},
     )
 
 
@@ -49,6 +50,7 @@ def twisting(G: float = 10.0, ratio: float = 0.3) -> System:
         {x: v, v: -p.G * sign(x) - p.G * p.ratio * sign(v)},
         surfaces=[Surface("position", x), Surface("velocity", v)],
         parameters=p,
+        labels={"t": "time [s]", "x": "position [m]", "v": "velocity [m/s]"},
     )
 
 

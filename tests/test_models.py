@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -413,3 +414,13 @@ assert "missing" not in models.names() and "good" in models.names()
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", models.registry.BUILT_IN)
+def test_every_axis_has_a_label_with_its_unit(name: str) -> None:
+    """Time has a unit wherever a parameter has one with a time in it."""
+    system = models.get(name).build()
+    assert set(system.labels) >= {"t", *system.states, *system.outputs}
+    units = " ".join(system.parameters[q].unit for q in system.parameters.names)
+    timed = re.search(r"\b(s|ms|h|Hz|V|N)\b", units)
+    assert ("[" in system.labels["t"]) == bool(timed), units

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from filippov import SolveError, System, sign, states
+from filippov import SolveError, Surface, System, sign, states
 from filippov.analysis.orbits.collocation_search import CollocationSearch
 from filippov.analysis.orbits.orbit_search import find_orbit
 
@@ -29,3 +29,17 @@ def test_a_search_without_an_orbit_is_bounded_work_and_says_so(seed, monkeypatch
 def test_a_solution_that_grows_to_the_largest_numbers_ends_by_name():
     with pytest.raises(SolveError, match="ended early"):
         find_orbit(System({x: 1.2 * x + v, v: 2.1 * v - sign(x)}), (0.7, 0.4))
+
+
+@pytest.mark.parametrize("rate", [1.0, 1e2, 1e4, 1e6])
+def test_a_fast_orbit_is_found_from_a_slow_start(rate):
+    """x'' = -rate^2 x - F Sgn(v - vb), twice F in stick: it sticks over 2 a and slips along an arc of pi + 2
+    atan(b/a), a = F/rate^2 and b = vb/rate. The start rides with the belt, at 0.2 in every unit of time."""
+    force, belt = 0.1 * rate, 0.2
+    a, b = force / rate**2, belt / rate
+    period = 2 * a / belt + (np.pi + 2 * np.arctan2(b, a)) / rate
+    slip = Surface("slip", v - belt, radius=2)
+    system = System({x: v, v: -(rate**2) * x - force * sign(v - belt)}, surfaces=[slip])
+    orbit = find_orbit(system, (0, belt))
+    assert abs(orbit.period / period - 1) < 1e-9
+    assert orbit.stable

@@ -96,6 +96,9 @@ class RouthHurwitz(RouthResult):
                 main = main.union(sympy.FiniteSet(value))
         return main.intersect(allowed)
 
+    def __str__(self) -> str:
+        return self.to_text().rstrip()
+
     def to_text(self) -> str:
         """Plain text: the array, special cases, conditions or counts, and the verdict."""
         return routh_text.text(self)

@@ -137,6 +137,9 @@ class Branch(Answering):
             raise UsageError(unknown("coordinate", name, known))
         return np.array([point.coordinates[name] for point in self.points])
 
+    def __str__(self) -> str:
+        return "\n".join([f"{len(self.points)} points; {self.message}", *map(str, self.special)])
+
     def plot(self, **options: Any) -> Any:
         """The branch over the parameter (see `filippov.plot.branch.plot_branches`)."""
         from filippov.plot.branch import plot_branches

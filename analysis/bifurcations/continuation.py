@@ -154,6 +154,11 @@ class Continuation:
         self._iterator: Iterator[BranchPoint] | None = None
         self._first: Along | None = None
 
+    def __repr__(self) -> str:
+        low, high = self.bounds
+        where = f"{self.branch.parameter} in [{low:.6g}, {high:.6g}], {len(self.branch.points)} points"
+        return f"Continuation({self.branch.kind}, {where}; run() follows it)"
+
     def __iter__(self) -> Iterator[BranchPoint]:
         return self
 

@@ -146,6 +146,9 @@ class Comparison(Answering):
     def _repr_html_(self) -> str:
         return f"<pre>{markup(self.to_text())}</pre>"
 
+    def __str__(self) -> str:
+        return self.to_text().rstrip()
+
     def to_text(self) -> str:
         """The table, then the orders, then what does not go to 0."""
         head = ("model", "width", "err times", "err R", "err fixed", "drift", "calls", "x", "ms", "x", "note")

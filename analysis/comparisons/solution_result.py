@@ -132,6 +132,9 @@ class SolutionComparison(Answering):
         text = f"{what} does NOT go to 0: {most:.3g} at width {first:g}, {least:.3g} at width {last:g}."
         return Trend(model, {}, quantity, order, False, text)
 
+    def __str__(self) -> str:
+        return self.to_text().rstrip()
+
     def to_text(self) -> str:
         """The table, then the orders, the faults and the widths needed."""
         lines = [*aligned([self.head, *self.cells]), "", FOOT, "", *(trend.sentence for trend in self.trends)]

@@ -64,6 +64,10 @@ class Basin:
             out[name] = float(count) / self.label.size
         return out
 
+    def __str__(self) -> str:
+        shares = self.shares.items()
+        return "\n".join(f"{100 * share:.4g} % of the states go to {name}" for name, share in shares)
+
     def to_dict(self) -> dict[str, Any]:
         """What it is and the shares, without the arrays."""
         return {

@@ -45,6 +45,14 @@ class BruteForce:
     complete: bool = True
     notes: tuple[str, ...] = ()
 
+    def __str__(self) -> str:
+        lines = []
+        for period, count in zip(*np.unique(self.period, return_counts=True), strict=True):
+            what = f"period {period}" if period else "no period found"
+            lines.append(f"{count} of {self.period.size} values: {what}")
+        told = [(v, note) for v, note in zip(self.values, self.notes, strict=False) if note][:5]
+        return "\n".join([*lines, *(f"{self.parameter} = {value:.6g}: {note}" for value, note in told)])
+
 
 @keywords()
 def brute_force(

@@ -76,6 +76,21 @@ class Diagram:
         """Values at which the equilibrium set changes stability."""
         return [s.value for s in self.special if s.kind == "set stability change"]
 
+    def __str__(self) -> str:
+        found = f"{sum(map(len, self.points))} fixed points at {len(self.values)} values of {self.parameter}"
+        return "\n".join([*self._told(), found])
+
+    def _told(self) -> list[str]:
+        """A line for each special point."""
+        name, lines = self.parameter, []
+        for place in self.special:
+            of_set = place.kind == "set stability change"
+            head = "the equilibrium set changes stability" if of_set else place.kind
+            where = "" if of_set else f", d = {place.d:.12g}"
+            note = f" ({place.note})" if place.note else ""
+            lines.append(f"{head} at {name} = {place.value:.12g}{where}{note}")
+        return lines
+
     def cycles(self, value: float) -> list[FixedPoint]:
         """Limit cycles at one of the values."""
         if value not in self.values:

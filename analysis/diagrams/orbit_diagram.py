@@ -45,6 +45,9 @@ class OrbitDiagram(Diagram):
     section: Section | Stroboscope | None = None
     messages: tuple[str, ...] = ()
 
+    def _told(self) -> list[str]:
+        return [*super()._told(), *self.messages]
+
 
 def orbit_diagram(
     system: System, section: Section | Stroboscope | None, parameter: str, values: Sequence[float], x0: Any,

@@ -80,6 +80,14 @@ class Regions:
             "borders": [{"name": name, "points": points.tolist()} for name, points in self.borders],
         }  # fmt: skip
 
+    def __str__(self) -> str:
+        x, y = self.names
+        lines = [f"{int(np.sum(self.cycles > 0))} of {self.cycles.size} cells have a cycle"]
+        for name, points in self.borders:
+            (x0, y0), (x1, y1) = points[0], points[-1]
+            lines.append(f"{name}: from {x} {x0:.6g}, {y} {y0:.6g} to {x} {x1:.6g}, {y} {y1:.6g}")
+        return "\n".join(lines)
+
     def text(self, i: int, j: int) -> str:
         """What the cell in row i and column j holds."""
         if self.cycles[i, j] < 0:

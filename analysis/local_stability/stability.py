@@ -42,6 +42,9 @@ from filippov.model.system import System
 class StabilityReport(StabilityResult):
     """The result as text, Markdown, LaTeX, JSON."""
 
+    def __str__(self) -> str:
+        return self.to_text().rstrip()
+
     def to_text(self) -> str:
         """Plain text, one section per equilibrium."""
         return stability_text.render(self, stability_text.text_style(self.decimals))

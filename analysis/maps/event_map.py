@@ -49,6 +49,10 @@ class EventMap(Answering):
             order=order, rtol=rtol, atol=atol, method=method, lanes=lanes,
         )  # fmt: skip
 
+    def __repr__(self) -> str:
+        section = self.section
+        return f"EventMap({section.coordinate} at {section.kind} on {section.surface}, order {self.order})"
+
     def _set(
         self, system: System, section: Section, bound: BoundSection,
         parameters: Mapping[str, float] | None, *, order: int, rtol: float, atol: float, method: str,

@@ -45,6 +45,8 @@ _MOST_TURNS, _SAME = 32, 1e-6
 # How often collocation is tried where shooting fails on the returns of one solution: each time that is
 # farther from an orbit that repels, and longer.
 _STRONG = 3
+# The most events of the first solution in which a return is looked for, and up to where they are doubled.
+_EVENTS, _MOST_EVENTS = 2000, 64_000
 COLLOCATION = "collocation"
 # A forced solution is back where it started, on an orbit, to this part of its extent.
 _BACK = 1e-4
@@ -168,14 +170,17 @@ class _Search:
         self.values = dict(zip(base.system.parameters.names, p.tolist(), strict=True))
         self.size = 0.0
 
-    def solution(self, x0: Array, t0: float, length: float, dense: bool = True) -> Solution:
-        """A solution from x0. Raises SolveError where it ends early."""
+    def solution(
+        self, x0: Array, t0: float, length: float, dense: bool = True, most: int | None = None
+    ) -> Solution:
+        """A solution from x0. Raises SolveError where it ends early, but after `most` events, if given."""
         base = self.base
+        budget: dict[str, Any] = {} if most is None else {"max_events": most}
         out = solve(
             base.system, x0, (t0, t0 + length), parameters=self.values, rtol=base.rtol, atol=base.atol,
-            method=base.method, zeno="continue", nonunique="stick", dense_output=dense,
+            method=base.method, zeno="continue", nonunique="stick", dense_output=dense, **budget,
         )  # fmt: skip
-        if out.status is not Status.SUCCESS:
+        if out.status is not Status.SUCCESS and (most is None or out.status is not Status.MAX_EVENTS):
             raise SolveError(f"the solution from the guess ended early: {out.message}", out)
         return out
 
@@ -438,11 +443,14 @@ class _Search:
         rate = float(np.linalg.norm(speed))
         span = min(20.0 * (1.0 + float(np.linalg.norm(x0))) / max(rate, 0.05), self.t_max)
         state, now, failed = x0, 0.0, ""
+        most: int | None = _EVENTS
         for _ in range(_SPANS * 4):
             span = min(span, self.t_max - now)
             if span <= 0:
                 break
-            solution = self.solution(state, 0.0, span)
+            solution = self.solution(state, 0.0, span, most=most)
+            # The unit of time is the user's own: a span of many events is long enough.
+            span, most = solution.t_end, 2 * most if most is not None and most < _MOST_EVENTS else None
             self.size = max(self.size, extent([solution]))
             if rests(solution) or extent([solution]) <= 1e-8 * self.size:
                 raise ReturnError(

@@ -43,6 +43,12 @@ class EquilibriumPoint:
     degenerate: tuple[str, ...] = ()
     behind: tuple[str, ...] = ()
 
+    def __str__(self) -> str:
+        value = ", ".join(f"{v:.9g}" for v in self.value)
+        pairs = zip(self.multipliers, self.s_value, strict=True)
+        held = "".join(f", multiplier of {name} = {s:.9g}" for (name, _), s in pairs)
+        return f"{_head(self)}; value ({value}){held}{_stops(self)}"
+
     @property
     def dimension(self) -> int:
         """0."""
@@ -77,6 +83,11 @@ class EquilibriumSet:
     degenerate: tuple[str, ...] = ()
     behind: tuple[str, ...] = ()
 
+    def __str__(self) -> str:
+        pairs = zip(self.free, self.bounds, strict=True)
+        free = ", ".join(f"{c} in [{a:.9g}, {b:.9g}]" for c, (a, b) in pairs)
+        return f"{_head(self)}; {free}{_stops(self)}"
+
     @property
     def kind(self) -> str:
         """What a point is called by, of a set."""
@@ -96,6 +107,15 @@ class EquilibriumSet:
         """x at values of the free symbols, in order."""
         put = dict(zip(self.free, map(sympy.S, c), strict=True))
         return tuple(e.subs(put) for e in self.x)
+
+
+def _head(found: EquilibriumPoint | EquilibriumSet) -> str:
+    where = ", ".join(f"{name} = {x}" for name, x in zip(found.states, found.x, strict=True))
+    return f"{found.kind}, mode {found.mode or '(smooth)'}: {where}"
+
+
+def _stops(found: EquilibriumPoint | EquilibriumSet) -> str:
+    return f", behind {' and '.join(found.behind)}" if found.behind else ""
 
 
 class Missing(str):
@@ -122,6 +142,9 @@ class Equilibria:
 
     def __len__(self) -> int:
         return len(self.sets) + len(self.points)
+
+    def __str__(self) -> str:
+        return "\n".join([*map(str, self), *self.notes]) or "no equilibria"
 
     @property
     def complete(self) -> bool:

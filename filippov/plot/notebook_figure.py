@@ -9,6 +9,7 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
+from matplotlib.ticker import ScalarFormatter
 
 
 class NotebookFigure(Figure):
@@ -17,6 +18,14 @@ class NotebookFigure(Figure):
     The value of the cell would be shown a second time; what is closed, of an earlier cell, is shown as its
     picture.
     """
+
+    def add_subplot(self, *args: Any, **options: Any) -> Any:
+        """Axes with short numbers below, a power of 10 being taken out, that do not run into each other."""
+        axes = super().add_subplot(*args, **options)
+        formatter = axes.xaxis.get_major_formatter()
+        if isinstance(formatter, ScalarFormatter):
+            formatter.set_powerlimits((-3, 5))
+        return axes
 
     def _ipython_display_(self) -> None:
         number = getattr(self, "number", None)

@@ -56,16 +56,19 @@ def plot_orbit(
         for piece in orbit.pieces:
             for segment in piece.segments:
                 _segment(piece, segment, names, pair, shown, left, panels)
+        kinds: set[str] = set()
         for event in (event for piece in orbit.pieces for event in piece.events):
             mark, colour = MARKS.get(event.kind, ("|", GREY))
             at = dict(zip(names, event.x, strict=True))
             if left is not None:
                 left.plot(at[pair[0]], at[pair[1]], mark, color=colour, markersize=4, zorder=4)
             for name, ax in zip(shown, panels, strict=True):
-                ax.plot(event.t, at[name], mark, color=colour, markersize=3.5, zorder=4)
+                once = str(event.kind) if ax is panels[0] and str(event.kind) not in kinds else None
+                ax.plot(event.t, at[name], mark, color=colour, markersize=3.5, zorder=4, label=once)
+            kinds.add(str(event.kind))
         if left is not None:
             left.set(xlabel=text[pair[0]], ylabel=text[pair[1]])
-            left.axhline(0, color=GREY, linewidth=0.5, linestyle=":", zorder=0)
+        _legend(panels[0], any("0" in mode_text(s.mode) for piece in orbit.pieces for s in piece.segments))
         for name, ax in zip(shown, panels, strict=True):
             ax.set_ylabel(text[name])
             if ax is not panels[-1]:
@@ -89,6 +92,15 @@ def _segment(
         left.plot(x[pair[0]], x[pair[1]], color=colour)
     for name, ax in zip(shown, panels, strict=True):
         ax.plot(t, x[name], color=colour)
+
+
+def _legend(ax: Any, slides: bool) -> None:
+    """Sliding and the kinds of events, above the uppermost panel."""
+    if slides:
+        ax.plot([], [], color=ORANGE, label="sliding")
+    if ax.get_legend_handles_labels()[1]:
+        ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=3, borderpad=0.1, borderaxespad=0.3,
+                  handletextpad=0.4, columnspacing=1.2)  # fmt: skip
 
 
 def _caption(orbit: Any) -> str:

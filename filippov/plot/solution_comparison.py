@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.keywords import keywords
-from filippov.plot.style import GREY, INK, SERIES, new_figure, style
+from filippov.plot.style import GREY, INK, SERIES, axis_label, new_figure, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,16 +49,19 @@ def plot_solution_comparison(
             label = told if order is None else f"{told}\norder {order:.2f}"
             if model in comparison.solutions:
                 other = comparison.solutions[model].sol(t)[k]
-                gaps.plot(t, np.maximum(np.abs(other - x), 1e-18), **look)
+                far = np.maximum(np.abs(other - x), 1e-18)
+                gaps.plot(t, far, **look, **mark, markevery=(11 * place, 150))
             else:
                 other = np.full(t.size, np.nan)
             above.plot(t, other, **look, **mark, markevery=(11 * place, 150), linestyle="--", label=label)
             left.plot([q["width"] for q in rows], [q[quantity] for q in rows], **look, **mark)
             right.plot([q["field_calls"] for q in rows], [q[quantity] for q in rows], **look, **mark)
         name = exact.system.states[k]
-        above.set(ylabel=name, xlim=(t[0], t[-1]))
+        label = axis_label(exact.system, name)
+        above.set(ylabel=label, xlim=(t[0], t[-1]))
         above.tick_params(labelbottom=False)
-        gaps.set(yscale="log", ylabel=f"|error of {name}|", xlabel="time", xlim=(t[0], t[-1]))
+        gaps.set(yscale="log", xlabel=axis_label(exact.system, "t"), xlim=(t[0], t[-1]))
+        gaps.set_ylabel(f"|error of {name}|{chr(10) + label[label.index('[') :] if '[' in label else ''}")
         _floor(gaps)
         what = quantity.replace("_", " ").replace("error", "error of")
         left.set(xscale="log", yscale="log", xlabel="half-width", ylabel=what)
@@ -92,6 +95,6 @@ def _reference(left: Any, right: Any, exact: Any, quantity: str) -> None:
         )  # fmt: skip
     right.axvline(exact["field_calls"], color=INK, linestyle=":", linewidth=1.0)
     right.annotate(
-        "exact", (exact["field_calls"], 0.16), xycoords=("data", "axes fraction"), xytext=(3, -8), color=INK,
-        fontsize=7.5, textcoords="offset points",
+        "exact", (exact["field_calls"], 1.0), xycoords=("data", "axes fraction"), xytext=(0, 1), color=INK,
+        fontsize=7.5, textcoords="offset points", ha="center", va="bottom",
     )  # fmt: skip

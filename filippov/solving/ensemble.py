@@ -61,18 +61,14 @@ _STATUS = {
 }
 # The same as a table over all codes, from UNFINISHED on; None where `solve` has to decide.
 _OF_CODE = np.array([_STATUS.get(code) for code in range(UNFINISHED, codes.LIMIT + 1)], dtype=object)
-_OPTIONS = options_but(
-    "max_time", "on_graze", "stop", "dense_output", "save_events", "backend", "dt", "theta"
-)  # fmt: skip
+_LEFT = ("max_time", "on_graze", "stop", "dense_output", "save_events", "backend", "dt", "theta")
+_OPTIONS = options_but(*_LEFT)
 # Methods whose stages are written out one after the other, as lanes need them.
 _IN_LANES = ("DOP853", "DP5")
 STUCK, _BUDGETS = 1e-9, (codes.CHUNK_DONE, codes.EVENTS_FULL)  # of the time left: a step that leads nowhere
-# Fewer rows than this do not repay the compilation of lanes.
-_ENOUGH = 64
-# A thread of its own for every so many rows, one by one and in lanes.
-_ROWS_EACH = (16, 128)
-# Rows in memory at a time with all that a running trajectory needs.
-_BLOCK = 1 << 16
+_ENOUGH = 64  # fewer rows than this do not repay the compilation of lanes
+_ROWS_EACH = (16, 128)  # a thread of its own for every so many rows, one by one and in lanes
+_BLOCK = 1 << 16  # rows in memory at a time with all that a running trajectory needs
 
 
 @dataclass(frozen=True)
@@ -110,6 +106,10 @@ class Ensemble(Answering):
     threads: int = 1
     surfaces: tuple[str, ...] = field(default=(), repr=False)
     place_of: Callable[[str], tuple[int, int]] | None = field(default=None, repr=False, compare=False)
+
+    def __str__(self) -> str:
+        ends, counts = np.unique([s.value for s in self.status], return_counts=True)
+        return f"Ensemble({', '.join(f'{n} {end}' for end, n in zip(ends, counts, strict=True))})"
 
     @property
     def success(self) -> npt.NDArray[np.bool_]:

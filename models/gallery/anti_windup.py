@@ -31,6 +31,7 @@ def anti_windup(
     return System(
         {y: (u - y) / p.lag, z: p.Ki * (p.r - y) + p.back * (u - w)},
         parameters=p,
+        labels={"t": "time [s]", "y": "output", "z": "integral part of the effort"},
     )
 
 

@@ -37,6 +37,7 @@ def boost_pwm(
         surfaces=[Surface("switch", wait)],
         parameters=p,
         time_events=[TimeEvent("clock", period=p.T, start=p.T, reset={ramp: 0})],
+        labels={"t": "time [s]", "i": "current [A]", "v": "voltage [V]", "ramp": "ramp, share of the period"},
     )
 
 
@@ -74,6 +75,7 @@ def boost_sliding(
         {i: (p.Vin - out * v) / p.L, v: (out * i - v / p.R) / p.C},
         surfaces=[Surface("current", p.iref - i)],
         parameters=p,
+        labels={"t": "time [s]", "i": "current [A]", "v": "voltage [V]"},
     )
 
 

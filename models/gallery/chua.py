@@ -24,7 +24,10 @@ def chua(a: float = 15.6, b: float = 28.0, m0: float = -8 / 7, m1: float = -5 / 
     )
     x, y, z = states("x y z")
     f = p.m1 * x + (p.m0 - p.m1) * (Abs(x + 1) - Abs(x - 1)) / 2
-    return System({x: p.a * (y - x - f), y: x - y + z, z: -p.b * y}, parameters=p)
+    return System(
+        {x: p.a * (y - x - f), y: x - y + z, z: -p.b * y}, parameters=p,
+        labels={"t": "dimensionless time", "x": "voltage x", "y": "voltage y", "z": "current z"},
+    )
 
 
 MODEL = register(

@@ -49,7 +49,8 @@ def dead_time(
             TimeEvent("lower opens", period=p.T, start=p.T, reset={leg: 0}),
         ],
         outputs={"u": u},
-        labels={"t": "time [s]", "i": "current [A]", "v": "voltage [V]"},
+        labels={"t": "time [s]", "i": "current [A]", "v": "voltage [V]", "leg": "switches",
+                "u": "voltage of the leg [V]"},
     )
 
 

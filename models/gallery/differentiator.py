@@ -34,6 +34,7 @@ def differentiator(
         {z0: z1 - p.c1 * sqrt(p.L * Abs(e)) * sign(e), z1: -p.c0 * p.L * sign(e)},
         surfaces=[Surface("error", e)],
         parameters=p,
+        labels={"t": "time [s]", "z0": "estimate z0", "z1": "slope z1 [1/s]"},
     )
 
 

@@ -38,6 +38,7 @@ def folds(a1: float = -1.0, b1: float = 0.0, a2: float = 1.0, b2: float = 0.0) -
         {x: -y * up + z * down, y: p.a1 * up + p.b2 * down, z: p.b1 * up + p.a2 * down},
         surfaces=[Surface("plane", x)],
         parameters=p,
+        labels={"t": "dimensionless time", "x": "x", "y": "y", "z": "z"},
     )
 
 

@@ -23,7 +23,10 @@ def fuller(c: float = math.sqrt((math.sqrt(33) - 1) / 24)) -> System:
     p = parameters(c=Parameter(c, "s^2/m", 0, 0.5, description="of the switching curve x = -c v |v|"))
     x, v = states("x v")
     curve = x + p.c * v * Abs(v)
-    return System({x: v, v: -sign(curve)}, surfaces=[Surface("curve", curve)], parameters=p)
+    return System(
+        {x: v, v: -sign(curve)}, surfaces=[Surface("curve", curve)], parameters=p,
+        labels={"t": "time [s]", "x": "position [m]", "v": "velocity [m/s]"},
+    )
 
 
 MODEL = register(

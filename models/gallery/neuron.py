@@ -36,6 +36,7 @@ def neuron(
         {V: (p.rest - V + p.drive) / p.tau},
         surfaces=[Surface("threshold", p.threshold - V, reset={V: p.after})],
         parameters=p,
+        labels={"t": "time [ms]", "V": "voltage [mV]"},
     )
 
 

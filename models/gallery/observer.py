@@ -33,6 +33,10 @@ def observer(omega: float = 1.0, l1: float = 3.0, l2: float = 6.0) -> System:
         {x: v, v: pull, y: w + p.l1 * s, w: pull + p.l2 * s},
         surfaces=[Surface("error", x - y)],
         parameters=p,
+        labels={
+            "t": "time [s]", "x": "position [m]", "v": "velocity [m/s]", "y": "estimate of x [m]",
+            "w": "estimate of v [m/s]",
+        },
     )
 
 

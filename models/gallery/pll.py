@@ -32,6 +32,7 @@ def pll(detuning: float = 4.0, kp: float = 1.0, ki: float = 0.5) -> System:
         {q: p.detuning - w - p.kp * s, w: p.ki * s},
         surfaces=[Surface("phase", sin(q))],
         parameters=p,
+        labels={"t": "time [s]", "q": "phase error [rad]", "w": "correction [rad/s]"},
     )
 
 

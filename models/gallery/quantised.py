@@ -33,6 +33,7 @@ def quantised(step: float = 0.4, K: float = 2.0, Ki: float = 1.0, lag: float = 1
         {y: (p.K * q + p.Ki * z - y) / p.lag, z: q},
         surfaces=[Surface(f"edge {name}", h) for name, h in beyond.items()],
         parameters=p,
+        labels={"t": "time [s]", "y": "output", "z": "integral [s]"},
     )
 
 

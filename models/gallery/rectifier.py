@@ -34,6 +34,7 @@ def rectifier(
         {u: (p.limit * Heaviside(forward) - u / p.R) / p.C},
         surfaces=[Surface("diode", forward)],
         parameters=p,
+        labels={"t": "time [s]", "u": "voltage [V]"},
     )
 
 

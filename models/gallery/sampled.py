@@ -31,6 +31,10 @@ def sampled(K: float = 4.0, D: float = 2.5, I: float = 2.0, T: float = 0.1, Fc: 
         surfaces=[Surface("velocity", v)],
         parameters=p,
         time_events=[TimeEvent("sample", period=p.T, reset={u: effort, last: x, total: total + x})],
+        labels={
+            "t": "time [s]", "x": "position [m]", "v": "velocity [m/s]", "u": "effort [m/s^2]",
+            "last": "last sample [m]", "total": "sum of samples [m]",
+        },
     )
 
 

@@ -24,7 +24,10 @@ def stommel(heat: float = 3.0, salt: float = 1.0, ratio: float = 0.3) -> System:
     )
     T, S = states("T S")
     flow = Abs(T - S)
-    return System({T: p.heat - T * (1 + flow), S: p.salt - S * (p.ratio + flow)}, parameters=p)
+    return System(
+        {T: p.heat - T * (1 + flow), S: p.salt - S * (p.ratio + flow)}, parameters=p,
+        labels={"t": "dimensionless time", "T": "temperature difference", "S": "salinity difference"},
+    )
 
 
 MODEL = register(

@@ -35,7 +35,8 @@ def unit_vector(c: float = 1.0, rho: float = 2.0, a: float = 0.5, omega: float =
         },
         surfaces=[Surface("error", r)],
         parameters=p,
-        labels={"x": "place x [m]", "y": "place y [m]", "r": "size of s [m/s]", "q": "direction of s [rad]"},
+        labels={"t": "time [s]", "x": "place x [m]", "y": "place y [m]", "r": "size of s [m/s]",
+                "q": "direction of s [rad]"},
     )
 
 

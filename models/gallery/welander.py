@@ -36,6 +36,7 @@ def welander(
         {T: 1 - T - k * T, S: p.beta * (1 - S) - k * S},
         surfaces=[Surface("density", dense)],
         parameters=p,
+        labels={"t": "dimensionless time", "T": "temperature", "S": "salinity"},
     )
 
 

@@ -75,12 +75,7 @@ def run_diagram(settings: dict[str, Any], console: Console) -> int:
         "section": section_data(section), "notes": list(found.notes),
     }  # fmt: skip
     console.result(data)
-    periods, counts = np.unique(found.period, return_counts=True)
-    for period, count in zip(periods.tolist(), counts.tolist(), strict=True):
-        what = f"period {period}" if period else "no period found"
-        console.say(f"{count} of {found.period.size} values: {what}")
-    for value, note in [(v, n) for v, n in zip(found.values.tolist(), found.notes, strict=False) if n][:5]:
-        console.say(f"{parameter} = {value:.6g}: {note}")
+    console.say(str(found))
     folder.json("diagram.json", data)
     rows = zip(found.values.tolist(), found.period.tolist(), *found.d.T.tolist(), strict=True)
     folder.csv("diagram.csv", (parameter, "period", *(f"d{k}" for k in range(found.d.shape[1]))), rows)

@@ -197,6 +197,4 @@ def _row(point: Any, branch: Any) -> dict[str, Any]:
 
 
 def _tell(branch: Any, console: Console) -> None:
-    console.say(f"{len(branch.points)} points; {branch.message}")
-    for point in branch.special:
-        console.say(str(point))
+    console.say(str(branch))

@@ -44,10 +44,7 @@ def run_regions(settings: dict[str, Any], console: Console) -> int:
         )  # fmt: skip
     data = {"model": loaded.name} | result.to_dict()
     console.result(data)
-    console.say(f"{int(np.sum(result.cycles > 0))} of {result.cycles.size} cells have a cycle")
-    for name, points in result.borders:
-        (x0, y0), (x1, y1) = points[0], points[-1]
-        console.say(f"{name}: from {x[0]} {x0:.6g}, {y[0]} {y0:.6g} to {x[0]} {x1:.6g}, {y[0]} {y1:.6g}")
+    console.say(str(result))
     folder.json("regions.json", data)
     columns = (x[0], y[0], "cycles", "stable", "undecided", "set_verdict", "amplitude", "lost")
     grid = np.meshgrid(result.x, result.y)
@@ -81,8 +78,7 @@ def run_basin(settings: dict[str, Any], console: Console) -> int:
         )  # fmt: skip
     data = {"model": loaded.name, "parameters": values} | result.to_dict()
     console.result(data)
-    for name, share in result.shares.items():
-        console.say(f"{100 * share:.4g} % of the states go to {name}")
+    console.say(str(result))
     folder.json("basin.json", data)
     arrays = {"x": result.x, "y": result.y, "label": result.label, "d": result.d}
     folder.content("basin.npz", lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))

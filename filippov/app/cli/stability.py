@@ -24,9 +24,12 @@ def run(settings: dict[str, Any], console: Console) -> int:
     from filippov.analysis.local_stability import stability as module
 
     with console.progress("stability"):
-        report = module.stability_report(loaded.system, values, solve_for=wanted, budget=settings["budget"])
+        report = module.stability_report(
+            loaded.system, values, solve_for=wanted, modes=settings["modes"] or None, t=settings["t"],
+            budget=settings["budget"],
+        )  # fmt: skip
     console.result(json.loads(report.to_json()))
-    console.say(report.to_text())
+    console.say(str(report))
     folder.content("report.txt", report.to_text())
     folder.content("report.md", report.to_markdown())
     folder.content("report.tex", report.to_latex())

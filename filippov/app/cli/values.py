@@ -110,14 +110,24 @@ def named_ranges(value: Any, name: str) -> dict[str, tuple[float, float]]:
     for key, item in named(value, name).items():
         ends = item.split(":") if isinstance(item, str) else item
         if not isinstance(ends, list | tuple) or len(ends) != 2:
-            raise UsageError(
-                f"{name}: {key} is {item!r}, expected LOW:HIGH; how many values is a flag of its own."
-            )
+            raise UsageError(f"{name}: {key} is {item!r}, expected LOW:HIGH.{_counted(name, key, ends)}")
         low, high = (number(end, f"{name}: {key}") for end in ends)
         if not low <= high:
             raise UsageError(f"{name}: {key} is {item!r}, expected LOW <= HIGH.")
         out[key] = (low, high)
     return out
+
+
+# The flag that says how many values lie between the ends of a range.
+_COUNTS = {"over": "count", "x": "cells", "y": "cells", "ranges": "samples"}
+
+
+def _counted(name: str, key: str, ends: Any) -> str:
+    """What to write where a count was given with a range."""
+    flag = _COUNTS.get(name.lstrip("-"))
+    if flag is None or not isinstance(ends, list) or len(ends) != 3:
+        return ""
+    return f" How many values is a flag of its own: {name} {key}={ends[0]}:{ends[1]} --{flag} {ends[2]}"
 
 
 def varied(value: Any, name: str) -> dict[str, list[float]]:

@@ -30,6 +30,7 @@ def brake(m: float = 1000.0, pull: float = 1500.0, force: float = 6000.0, releas
         {x: v, v: (p.pull - hold * sign(v)) / p.m},
         surfaces=[Surface("wheels", v)],
         parameters=p,
+        labels={"t": "time [s]", "x": "position [m]", "v": "velocity [m/s]"},
     )
 
 

@@ -20,7 +20,10 @@ def capture(drift: float = 1.0, jump: float = 2.0) -> System:
         jump=Parameter(jump, "1/s", 0, description="size of the switching term"),
     )
     (x,) = states("x")
-    return System({x: p.drift - p.jump * sign(x)}, surfaces=[Surface("zero", x)], parameters=p)
+    return System(
+        {x: p.drift - p.jump * sign(x)}, surfaces=[Surface("zero", x)], parameters=p,
+        labels={"t": "time [s]", "x": "state"},
+    )
 
 
 MODEL = register(

@@ -34,6 +34,7 @@ def clutch(
         {w1: (p.drive - torque) / p.J1, w2: (torque - p.load) / p.J2},
         surfaces=[Surface("plates", w1 - w2)],
         parameters=p,
+        labels={"t": "time [s]", "w1": "speed w1 [rad/s]", "w2": "speed w2 [rad/s]"},
     )
 
 

@@ -30,6 +30,10 @@ def cradle(omega: float = 1.0, e: float = 1.0) -> System:
         {a: va, b: vb, c: vc, **pull},
         surfaces=[Surface("ab", b - a, reset=impact(va, vb)), Surface("bc", c - b, reset=impact(vb, vc))],
         parameters=p,
+        labels={
+            "t": "time [s]", "a": "angle a [rad]", "b": "angle b [rad]", "c": "angle c [rad]",
+            "va": "speed a [rad/s]", "vb": "speed b [rad/s]", "vc": "speed c [rad/s]",
+        },
     )
 
 

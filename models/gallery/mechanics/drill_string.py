@@ -47,6 +47,10 @@ def drill_string(
         },
         surfaces=[Surface("bit", w2, radius=p.Ts / p.Tc)],
         parameters=p,
+        labels={
+            "t": "time [s]", "twist": "twist [rad]", "w1": "speed of the top [rad/s]",
+            "w2": "speed of the bit [rad/s]",
+        },
     )
 
 

@@ -31,6 +31,7 @@ def escapement(omega: float = 1.0, f: float = 0.05, kick: float = 0.4) -> System
             Surface("middle", x, reset={v: sqrt(v**2 + p.kick)}, side="-"),
         ],
         parameters=p,
+        labels={"t": "time [s]", "x": "angle [rad]", "v": "angular velocity [rad/s]"},
     )
 
 

@@ -33,6 +33,7 @@ def impact_pair(gap: float = 2.0, A: float = 1.0, omega: float = 1.0, e: float =
             Surface("left", x + p.gap / 2 - place, reset=impact),
         ],
         parameters=p,
+        labels={"t": "time [s]", "x": "position [m]", "v": "velocity [m/s]"},
     )
 
 

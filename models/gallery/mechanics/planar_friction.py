@@ -34,6 +34,7 @@ def planar_friction(U: float = 1.5, V: float = 1.0, mu: float = 0.4, g: float = 
         {x: w * p.U / S, y: p.V - w * p.V / S, w: -p.mu * p.g * sign(w)},
         surfaces=[Surface("slip", w)],
         parameters=p,
+        labels={"t": "time [s]", "x": "position x [m]", "y": "position y [m]", "w": "slip speed [m/s]"},
     )
 
 

@@ -29,6 +29,7 @@ def rimless(alpha: float = 0.3, slope: float = 0.1, rate: float = 1.0) -> System
         {q: w, w: p.rate**2 * sin(q)},
         surfaces=[Surface("next spoke", p.slope + p.alpha - q, reset=step)],
         parameters=p,
+        labels={"t": "time [s]", "q": "angle [rad]", "w": "angular velocity [rad/s]"},
     )
 
 

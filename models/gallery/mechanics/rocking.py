@@ -28,6 +28,7 @@ def rocking(rate: float = 2.0, alpha: float = 0.2) -> System:
         {q: w, w: p.rate**2 * (q - p.alpha * sign(q))},
         surfaces=[Surface("flat", q, reset={w: kept * w}, side="both")],
         parameters=p,
+        labels={"t": "time [s]", "q": "angle [rad]", "w": "angular velocity [rad/s]"},
     )
 
 

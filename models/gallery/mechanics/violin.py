@@ -43,6 +43,7 @@ def violin(
         {x: v, v: -2 * p.zeta * w * v - w**2 * x - friction / p.m},
         surfaces=[Surface("bow", slip)],
         parameters=p,
+        labels={"t": "time [s]", "x": "position [m]", "v": "velocity [m/s]"},
     )
 
 

@@ -45,6 +45,7 @@ def wiper(
         {x: v, v: (p.k * (arm - x) + p.c * (arm.diff(t) - v) - friction) / p.m},
         surfaces=[Surface("glass", v)],
         parameters=p,
+        labels={"t": "time [s]", "x": "position [m]", "v": "velocity [m/s]"},
     )
 
 

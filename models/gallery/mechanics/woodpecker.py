@@ -77,7 +77,9 @@ def woodpecker(
             Surface("beak", reach - b, reset=impact((0, 0, -hS), (1, lM, lG - lS), p.e), contact=False),
         ],
         parameters=p,
-        labels={"t": "time [s]", "y": "height [m]", "a": "sleeve [rad]", "b": "bird [rad]"},
+        labels={"t": "time [s]", "y": "height [m]", "a": "sleeve [rad]", "b": "bird [rad]",
+                "vy": "speed [m/s]", "va": "speed of the sleeve [rad/s]", "vb": "speed of the bird [rad/s]",
+                "jam": "jammed edge"},
     )  # fmt: skip
 
 

@@ -154,17 +154,7 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
         "complete": getattr(diagram, "complete", True),
     }  # fmt: skip
     console.result(data)
-    for value, d in diagram.folds:
-        console.say(f"fold at {parameter} = {value:.12g}, d = {d:.12g}")
-    for value in diagram.stability_changes:
-        console.say(f"the equilibrium set changes stability at {parameter} = {value:.12g}")
-    told = ("fold", "set stability change")
-    for place in (place for place in diagram.special if place.kind not in told):
-        note = f" ({place.note})" if place.note else ""
-        console.say(f"{place.kind} at {parameter} = {place.value:.12g}, d = {place.d:.12g}{note}")
-    for message in getattr(diagram, "messages", ()):
-        console.say(message)
-    console.say(f"{len(rows)} fixed points at {len(found_at)} values of {parameter}")
+    console.say(str(diagram))
     folder.csv(
         "bifurcation.csv", (parameter, *POINT_COLUMNS), ([float(v), *point_data(p).values()] for v, p in rows)
     )
