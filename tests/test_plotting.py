@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -22,6 +23,7 @@ from filippov.graphs.graph import observed_graph, possible_graph
 from filippov.model.symbols import states, t
 from filippov.model.system import System
 from filippov.model.time_event import TimeEvent
+from filippov.models.registry import get
 from filippov.plot.solution import plot_graph, plot_phase, plot_solution
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
@@ -197,3 +199,19 @@ def test_16_many_states_and_sliding_sets_fit_into_a_picture() -> None:
     assert next(text.get_text() for text in legend.get_texts()) == "sliding on some of 14 surfaces"
     assert len(plot_solution(run, ["v0", "v13"]).axes) == 2
     plt.close("all")
+
+
+@pytest.mark.parametrize("name", ["woodpecker", "hunting_lugre", "drill_string", "violin"])
+@pytest.mark.parametrize("draw", [plot_solution, plot_phase])
+def test_labels_and_numbers_do_not_run_into_each_other(name, draw):
+    model = get(name)
+    start, end = model.t_span
+    figure = draw(solve(model.build(), model.x0, (start, start + (end - start) / 4)))
+    figure.canvas.draw()
+    beside = [ax.yaxis.label.get_window_extent() for ax in figure.axes]
+    assert not any(a.overlaps(b) for a, b in itertools.pairwise(beside))
+    for ax in figure.axes:
+        low, high = ax.get_xlim()
+        ticks = zip(ax.get_xticks(), ax.get_xticklabels(), strict=False)
+        below = [text.get_window_extent() for x, text in ticks if low <= x <= high and text.get_text()]
+        assert not any(a.overlaps(b) for a, b in itertools.pairwise(below))

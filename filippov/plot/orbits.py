@@ -11,7 +11,7 @@ from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known, unknown
 from filippov.base.status import mode_text
-from filippov.plot.style import BLUE, GREY, INK, MARKS, ORANGE, axis_label, new_figure, style
+from filippov.plot.style import BLUE, GREY, INK, MARKS, ORANGE, axis_label, new_figure, panel_label, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,7 +70,7 @@ def plot_orbit(
             left.set(xlabel=text[pair[0]], ylabel=text[pair[1]])
         _legend(panels[0], any("0" in mode_text(s.mode) for piece in orbit.pieces for s in piece.segments))
         for name, ax in zip(shown, panels, strict=True):
-            ax.set_ylabel(text[name])
+            ax.set_ylabel(panel_label(text[name]))
             if ax is not panels[-1]:
                 ax.tick_params(labelbottom=False)
         panels[-1].set_xlabel(text["t"])

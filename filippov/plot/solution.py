@@ -31,6 +31,7 @@ from filippov.plot.style import (
     axis_label,
     column,
     new_figure,
+    panel_label,
     style,
 )
 from filippov.solving.reading import expression_of
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
 __all__ = ["plot_graph", "plot_phase", "plot_solution"]
 
 Array = npt.NDArray[np.float64]
-MOST_MARKS = 160
+MOST_MARKS, FEW_MARKS = 160, 40
 # Panels that are drawn where none is asked for, and sets of sliding surfaces with a colour each.
 MOST_PANELS = 12
 MOST_SETS = 6
@@ -101,11 +102,11 @@ def plot_solution(
             else:
                 ax.plot(*output_pieces(solution, name, pieces), color=SERIES[1])
                 ax.margins(y=0.08)
-            ax.set_ylabel(text.get(name, axis_label(solution.system, name)))
+            ax.set_ylabel(panel_label(text.get(name, axis_label(solution.system, name))))
         if multiplier is not None:
             _shade(axes[-1], solution, False)
             _multiplier(axes[-1], solution, multiplier, pieces)
-            axes[-1].set_ylabel(text.get("multiplier", figure_text(f"sign of {multiplier}")))
+            axes[-1].set_ylabel(panel_label(text.get("multiplier", figure_text(f"sign of {multiplier}"))))
         axes[-1].set_xlabel(text.get("t", own.get("t", "t")))
         low, high = sorted((solution.problem.t_span[0], solution.t_end))
         if low < high:
@@ -194,12 +195,13 @@ def _mark(ax: Any, solution: Solution, a: Sequence[float], b: Sequence[float], n
     """A mark for each event, in front of the line; none at all where they would cover it."""
     if len(a) > MOST_MARKS:
         return
+    size = 5 * min(1.0, (FEW_MARKS / max(len(a), 1)) ** 0.5)
     for kind, (marker, colour) in MARKS.items():
         chosen = [k for k, event in enumerate(solution.events) if event.kind is kind]
         if chosen:
             ax.plot(
-                [a[k] for k in chosen], [b[k] for k in chosen], marker, color=colour, markersize=5, zorder=4,
-                markeredgewidth=1.0 if marker == "x" else 0, label=str(kind) if named else None,
+                [a[k] for k in chosen], [b[k] for k in chosen], marker, color=colour, markersize=size,
+                zorder=4, markeredgewidth=1.0 if marker == "x" else 0, label=str(kind) if named else None,
             )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ MARKS = {
     EventKind.CROSSING: ("o", INK), EventKind.ENTRY: ("v", RED), EventKind.EXIT: ("^", GREEN),
     EventKind.GRAZING: ("x", PURPLE), EventKind.RESET: ("D", INK),
 }  # fmt: skip
+LONG = 18
 _RC: dict[str, Any] = {
     "axes.axisbelow": True, "axes.edgecolor": GREY, "axes.grid": False, "axes.labelcolor": INK,
     "axes.linewidth": 0.7, "axes.spines.right": False, "axes.spines.top": False, "figure.dpi": 110,
@@ -62,6 +63,12 @@ def axis_label(system: Any, name: str) -> str:
     if name == "period" and "[" in (time := str(system.labels.get("t", ""))):
         return f"period {time[time.index('[') :]}"
     return figure_text(name)
+
+
+def panel_label(label: str) -> str:
+    """A label beside a low panel: a long one has its unit on a line of its own."""
+    name, bracket, unit = label.rpartition(" [")
+    return f"{name}\n[{unit}" if bracket and len(label) > LONG else label
 
 
 def column(figure: Figure, rows: int) -> Sequence[Any]:

@@ -37,7 +37,7 @@ def boost_pwm(
         surfaces=[Surface("switch", wait)],
         parameters=p,
         time_events=[TimeEvent("clock", period=p.T, start=p.T, reset={ramp: 0})],
-        labels={"t": "time [s]", "i": "current [A]", "v": "voltage [V]", "ramp": "ramp, share of the period"},
+        labels={"t": "time [s]", "i": "current [A]", "v": "voltage [V]", "ramp": "ramp / period"},
     )
 
 

@@ -31,7 +31,7 @@ def ball_on_table(A: float = 0.11, omega: float = 10.0, e: float = 0.5, g: float
         surfaces=[Surface("table", x - p.A * sin(p.omega * t), reset=impact)],
         parameters=p,
         outputs={"table": p.A * sin(p.omega * t)},
-        labels={"t": "time [s]", "x": "height [m]", "v": "speed [m/s]", "table": "height of the table [m]"},
+        labels={"t": "time [s]", "x": "height [m]", "v": "speed [m/s]", "table": "table [m]"},
     )
 
 
