@@ -366,7 +366,7 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "parameters list": (lambda: solve(S, START, SPAN, parameters=[1.0]), "[1.0]", "{name: value}"),
     "tuple": (lambda: System((v, -x)), "(v, -x)", "{x: dx/dt, v: dv/dt}"),
     "pair key": (lambda: System({(x, v): (v, -x)}), "(x, v)", "expected a state"),
-    "two names": (lambda: states("x", "v"), "2 values", "(names)"),
+    "two names": (lambda: states("x", "v"), "several values", "states('x v')"),
     "reset alone": (lambda: Surface("f", x, reset=-v), "'f'", "{v: -p.e*v}"),
     "clock both": (lambda: TimeEvent("c", period=1, times=(1, 2)), "'c'", "period=..., or times="),
     "clock back": (lambda: TimeEvent("c", times=(2, 1)), "'c'", "increasing"),

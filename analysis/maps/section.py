@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ from filippov.base.keywords import constructor
 from filippov.base.names import unknown
 from filippov.model.expression import parse_expression
 from filippov.model.system import System
-from filippov.solving.state.events import STOP_KINDS, Stop, turned
+from filippov.solving.state.events import STOP_KINDS, Stop, no_kind, turned
 
 Array = npt.NDArray[np.float64]
 # A Dummy: a parameter of the system may be called d as well.
@@ -43,6 +43,10 @@ class Section:
     Raises UsageError, ModelError.
     """
 
+    _write: ClassVar[str] = (
+        ": Section('v', 'sliding entry', 'x', {'x': 'd', 'v': '0'}), or find_section(system, x0)"
+    )
+
     surface: str
     kind: str
     coordinate: Any
@@ -52,7 +56,7 @@ class Section:
 
     def __post_init__(self) -> None:
         if self.kind not in STOP_KINDS:
-            raise UsageError(unknown("kind of event", self.kind, STOP_KINDS))
+            raise UsageError(no_kind(self.kind, STOP_KINDS))
         if not self.t_max > 0:
             raise UsageError(f"Section: t_max is {self.t_max}, expected a number > 0.")
         if set(self.after) - set("+0-*"):

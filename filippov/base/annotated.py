@@ -105,7 +105,10 @@ def _single(
         kind = _class(part[len(head) + 1 : -1], known)
         return lambda value: _each(name, given.several(name, value, error), kind, error)
     kind = _class(part, known)
-    return None if kind is None else lambda value: _of(name, value, kind, f"a {kind.__name__}", error)
+    if kind is None:
+        return None
+    wanted = f"a {kind.__name__}{getattr(kind, '_write', '')}"
+    return lambda value: _of(name, value, kind, wanted, error)
 
 
 def _class(part: str, known: Mapping[str, Any]) -> type | None:

@@ -182,7 +182,8 @@ def row(
     array = number_array(name, value, error)
     if array.ndim != 1 or (length is not None and array.size != length):
         count = "numbers in a row" if length is None else f"{length} numbers"
-        raise error(f"{name} is {shown(value)}, expected {count}.")
+        one = f": {name}=({shown(value)},)" if array.ndim == 0 and length is None else ""
+        raise error(f"{name} is {shown(value)}, expected {count}{one}.")
     if not np.all(np.isfinite(array)):
         raise error(f"{name} is {shown(value)}, expected finite numbers.")
     return tuple(array.tolist())

@@ -24,7 +24,7 @@ def keywords(
 
     kind      what its keywords are called in messages
     same      other names of its keywords, which are taken as well: {"y0": "x0"}
-    answers   what to say of a keyword that others have and this function has not
+    answers   what to say of a keyword that others have and this function has not; "*": of too many values
     own       keywords whose values the function checks itself, with more to say
     """
     others, sentences = dict(same or {}), dict(answers or {})
@@ -81,10 +81,9 @@ def keywords(
                     raise error(f"{name} and {own} mean the same, and both are given. Leave {name} out.")
                 given[own] = given.pop(name)
             if len(args) - self > len(places):
-                raise error(
-                    f"{shown} was given {len(args) - self} values in order, expected at most {len(places)} "
-                    f"({', '.join(places)}). Write the others by name: {', '.join((*further, '...'))}"
-                )
+                more = f" Write the others by name: {', '.join((*further, '...'))}" if further else ""
+                said = f"{shown} was given {len(args) - self} values in order, expected at most {len(places)}"
+                raise error(sentences.get("*") or f"{said} ({', '.join(places)}).{more}")
             filled = {*places[: len(args) - self], *given}
             missing = [name for name in needed if name not in filled]
             if missing:

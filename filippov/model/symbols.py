@@ -55,7 +55,10 @@ install()
 t = Symbol("t", real=True)
 
 
-@keywords("keyword", error=ModelError, own=("names",))
+_ONE_TEXT = {"*": "states was given several values, expected the names in one text: x, v = states('x v')."}
+
+
+@keywords("keyword", error=ModelError, own=("names",), answers=_ONE_TEXT)
 def states(names: str | Sequence[str]) -> tuple[Symbol, ...]:
     """Return one real symbol per name: x, v = states("x v"), and (x,) = states("x") or x = states("x")."""
     made = tuple(Symbol(name, real=True) for name in state_names(names))

@@ -6,7 +6,7 @@ Formulas in text (pi/2) are read by `filippov.model.expression`; nothing is run 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from filippov.base.errors import ModelError, UsageError
@@ -272,8 +272,22 @@ def one_of(*known: str) -> Callable[[Any, str], str]:
     """A reader for one of the known words."""
 
     def read(value: Any, name: str) -> str:
-        if not isinstance(value, str) or value not in known:
-            raise UsageError(unknown(f"value of {name}:", value, known))
-        return value
+        if isinstance(value, str) and value in known:
+            return value
+        if "DP5" in known and isinstance(value, str):
+            return _method(value, name, known)
+        raise UsageError(unknown(f"value of {name}:", value, known))
 
     return read
+
+
+def _method(value: str, name: str, known: Sequence[str]) -> str:
+    """A method by the name that scipy or MATLAB gives it, as `solve` takes it."""
+    from filippov.solving.state.option_types import METHODS_OF_OTHERS
+
+    if value == "RK45":
+        return "DP5"
+    if value in METHODS_OF_OTHERS:
+        instead = METHODS_OF_OTHERS[value].replace("method=", f"{name} ")
+        raise UsageError(f"{name} is {value!r}, not among {', '.join(known)}: use {instead}.")
+    raise UsageError(unknown(f"value of {name}:", value, known))

@@ -16,6 +16,7 @@ from filippov.solving.solution import Solution
 COLOURS = {str(EventKind.CROSSING): BLUE, str(EventKind.ENTRY): RED, str(EventKind.EXIT): GREEN,
            str(EventKind.GRAZING): PURPLE}  # fmt: skip
 MOST_MODES = 40
+NODE = 34  # pixels across a mode
 GAP = 0.26  # between a mode and the end of an arc, in the units of the picture
 
 
@@ -47,8 +48,9 @@ def graph_figure(solution: Solution) -> Figure:
         data.append({
             "type": "scatter", "mode": "markers+text", "x": [float(places[mode][0])],
             "y": [float(places[mode][1])], "text": [plain(mode)], "showlegend": False,
-            "hovertext": [plain(words)], "hoverinfo": "text", "textfont": {"size": 15}, "marker": {
-                "symbol": "square" if sliding else "circle", "size": 34,
+            "hovertext": [plain(words)], "hoverinfo": "text", "textfont": {"size": _fitting(mode)},
+            "marker": {
+                "symbol": "square" if sliding else "circle", "size": NODE,
                 "color": "#fdebd0" if sliding else "white",
                 "line": {"width": 2, "color": ORANGE if sliding else GREY}},
         })  # fmt: skip
@@ -70,6 +72,11 @@ def _between(start: Any, end: Any, place: Any) -> bool:
     along = float((place - start) @ chord) / length
     across = abs(float(chord[0] * (place - start)[1] - chord[1] * (place - start)[0])) / length
     return GAP < along < length - GAP and across < GAP
+
+
+def _fitting(mode: str) -> int:
+    """The size of letters with which a mode fits into its mark."""
+    return max(7, min(15, round(NODE / (0.68 * max(len(mode), 1)))))
 
 
 def _arc(

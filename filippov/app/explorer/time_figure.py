@@ -24,7 +24,7 @@ from filippov.app.explorer.look import (
 from filippov.app.explorer.subject import Subject
 from filippov.base.status import mode_text
 from filippov.plot.pieces import output_pieces, pieces_of
-from filippov.plot.style import BLUE, RED
+from filippov.plot.style import BLUE, RED, panel_label
 from filippov.solving.segments import Segment
 from filippov.solving.solution import Solution
 
@@ -43,7 +43,8 @@ def time_figure(subject: Subject, solution: Solution, other: Solution | None, ag
         key = "y" if row == 0 else f"y{row + 1}"
         bottom = 1 - (row + 1) / len(names)
         domain = [bottom + 0.02, bottom + 1 / len(names) - 0.02]
-        axes[key] = {"domain": domain, "title": {"text": label(subject, name)}, "nticks": 5}
+        beneath = panel_label(label(subject, name)).replace("\n", "<br>")
+        axes[key] = {"domain": domain, "title": {"text": beneath, "font": {"size": 12}}, "nticks": 5}
         first: dict[str, Any] = {"yaxis": key, "showlegend": row == 0}
         x, y = _values(subject, solution, pieces, name)
         data.append(line(x, y, BLUE if name in states else RED, "exact", **first))

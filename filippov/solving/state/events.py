@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, overload
 
@@ -134,7 +134,7 @@ class Events(Answering, Sequence[Event]):
         Raises UsageError for an unknown surface or kind of event.
         """
         if kind is not None and kind not in tuple(EventKind):
-            raise UsageError(unknown("kind of event", str(kind), [str(item) for item in EventKind]))
+            raise UsageError(no_kind(str(kind), [str(item) for item in EventKind]))
         if direction not in (-1, 0, 1):
             raise UsageError(f"direction is {direction!r}, expected 1 (up), -1 (down) or 0 (either).")
         wanted = None if kind is None else EventKind(kind)
@@ -200,8 +200,22 @@ STOP_KINDS = tuple(_COLUMNS)
 def columns_of(kind: str) -> tuple[int, ...]:
     """The kernel's numbers for a kind of event, named as in `Stop`. Raises UsageError."""
     if kind not in _COLUMNS:
-        raise UsageError(unknown("kind of event", kind, _COLUMNS))
+        raise UsageError(no_kind(kind, _COLUMNS))
     return _COLUMNS[kind]
+
+
+# What the kinds of events are also called.
+_CALLED = {
+    **dict.fromkeys(("stick", "sticking", "sliding", "slide", "entry", "stop"), "sliding entry"),
+    **dict.fromkeys(("slip", "slipping", "exit", "release", "breakaway"), "sliding exit"),
+    **dict.fromkeys(("impact", "bounce", "jump", "hit"), "reset"), "tangency": "grazing", "zero": "crossing",
+}  # fmt: skip
+
+
+def no_kind(kind: object, known: Iterable[str]) -> str:
+    """The sentence on a kind of event that there is not, with what it is called here."""
+    here = _CALLED.get(str(kind))
+    return unknown("kind of event", kind, known) + (f". Write {here!r} for {kind!r}." if here else "")
 
 
 def turned(kind: str) -> str:
@@ -228,7 +242,7 @@ class Stop:
 
     def __post_init__(self) -> None:
         if self.kind not in _COLUMNS:
-            raise UsageError(unknown("kind of event", self.kind, _COLUMNS))
+            raise UsageError(no_kind(self.kind, _COLUMNS))
         if type(self.count) is not int or self.count < 1:
             raise UsageError(f"Stop: count is {self.count!r}, expected 1, 2, ...")
 

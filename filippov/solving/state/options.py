@@ -263,7 +263,11 @@ def check_span(t_span: Any, backward: bool = False, x0: Any = None) -> tuple[flo
     try:
         start, end = t_span
     except (TypeError, ValueError):
-        raise UsageError(f"t_span is {t_span!r}, expected two times, (t0, t1): t_span=(0, 10).") from None
+        more = ""
+        if isinstance(t_span, list | tuple | np.ndarray) and np.ndim(t_span) == 1 and len(t_span) > 2:
+            more = f" Times at which to evaluate are t_eval=...: t_span=({t_span[0]}, {t_span[-1]})."
+        wanted = "expected two times, (t0, t1): t_span=(0, 10)."
+        raise UsageError(f"t_span is {shown(t_span)}, {wanted}{more}") from None
     values = []
     for name, value in (("t0", start), ("t1", end)):
         found = number(value, f"t_span: {name}", infinite=True)
@@ -365,7 +369,7 @@ def check_priority(nonunique: Any, system: System) -> Any:
 def check_stops(stops: Sequence[Stop] | Stop, system: System) -> tuple[Stop, ...]:
     """Stops at surfaces that the system has, under the names that they have there."""
     given: Any = stops
-    alone = isinstance(given, Stop | str | UserEvent) or callable(given) or is_expression(given)
+    alone = isinstance(given, Stop | str | bool | UserEvent) or callable(given) or is_expression(given)
     items = [given] if alone else several("stop", given)
     return tuple(_stop_at(item, system) for item in items)
 

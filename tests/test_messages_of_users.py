@@ -1,0 +1,66 @@
+"""Mistakes of people who come from scipy, MATLAB or sympy: each message names the place and the cure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from filippov import ModelError, Stop, System, UsageError, sign, solve, states
+from filippov.analysis import EventMap, Section, compare
+from filippov.app.cli.main import main
+
+x, v = states("x v")
+MASS = System({x: v, v: -x - 0.2 * sign(v)})
+RUN = solve(MASS, (1.1, 0), (0, 12))
+TIMES = np.linspace(0, 5, 200)
+
+MISTAKES: dict[str, tuple[Callable[[], object], str, str]] = {
+    "a grid for the span": (lambda: solve(MASS, (1, 0), TIMES), "t_span is", "t_eval=...: t_span=(0.0, 5.0)"),
+    "three times": (lambda: solve(MASS, (1, 0), (0, 1, 2)), "(0, 1, 2)", "t_span=(0, 2)"),
+    "stop at a stick": (lambda: Stop("v", "stick"), "'stick'", "Write 'sliding entry'"),
+    "stop at a slip": (lambda: Stop("v", "slip"), "'slip'", "Write 'sliding exit'"),
+    "stop at an impact": (lambda: Stop("floor", "impact"), "'impact'", "Write 'reset'"),
+    "events of a bounce": (lambda: RUN.events.of(kind="bounce"), "'bounce'", "Write 'reset'"),
+    "section at a stick": (lambda: Section("v", "sticking", "x"), "'sticking'", "Write 'sliding entry'"),
+    "stop as a flag": (
+        lambda: solve(MASS, (1, 0), (0, 1), stop=True), "stop holds True", "stop=Stop('v', 'crossing')",
+    ),
+    "one width": (
+        lambda: compare(MASS, x0=(1, 0), t_span=(0, 1), against=["tanh"], widths=1e-3), "widths is 0.001",
+        "widths=(0.001,)",
+    ),
+    "states as sympy's": (lambda: states("x", "v"), "states was given several", "x, v = states('x v')"),
+    "section by its name": (lambda: EventMap(MASS, "v"), "section is 'v'", "find_section(system, x0)"),
+}  # fmt: skip
+COMMANDS: dict[str, tuple[str, str, str]] = {
+    "count of a range": ("diagram hunting --over P=10:20:7", "'10:20:7'", "--over P=10:20 --count 7"),
+    "cells of an axis": ("regions hunting --x P=10:20:7 --y I=1:2", "'10:20:7'", "--x P=10:20 --cells 7"),
+    "samples of a gain": ("tune hunting --ranges P=10:20:7", "'10:20:7'", "--ranges P=10:20 --samples 7"),
+    "MATLAB's method": ("simulate hunting --method ode45", "--method is 'ode45'", "use --method 'DP5'"),
+    "kind of a stop": ("simulate hunting --stop velocity:stick", "'stick'", "Write 'sliding entry'"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_told_with_place_and_cure(name: str) -> None:
+    call, place, cure = MISTAKES[name]
+    with pytest.raises((ModelError, UsageError)) as caught:
+        call()
+    assert place in str(caught.value)
+    assert cure in str(caught.value)
+    assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_tells_place_and_cure(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words, place, cure = COMMANDS[name]
+    assert main(words.split()) == 2
+    message = capsys.readouterr().err
+    assert place in message
+    assert cure in message
+
+
+def test_the_command_takes_the_method_that_solve_takes(tmp_path) -> None:
+    assert main(["simulate", "pendulum", "--method", "RK45", "--t-span", "0", "1", "--quiet"]) == 0
