@@ -218,3 +218,13 @@ def test_15_2_what_does_not_fit_is_refused(make: Any, message: str) -> None:
 
 def test_15_2_coulomb_friction_has_them_too() -> None:
     assert friction_models(Coulomb(Fc=1), pendulum)["dahl"].states == ("q", "w", "pivot_d1")
+
+
+def test_15_2_a_plant_whose_outputs_have_labels_stands_under_all_of_them() -> None:
+    q, w = states("q w")
+    friction = 0.2 * sign(w)
+    labels = {"t": "time [s]", "q": "position [m]", "friction": "friction [N]"}
+    plant = System({q: w, w: -q - friction}, outputs={"friction": friction}, labels=labels)
+    for model in MODELS:
+        made = with_friction_model(plant, model, 1e-3)
+        assert {name: made.labels[name] for name in ("t", "q")} == {"t": "time [s]", "q": "position [m]"}

@@ -85,7 +85,8 @@ def with_friction_model(
     namespace = ParameterNamespace({q.name: q for q in (*form.p, *extra)})
     return System(
         dict(zip((*form.x, *z), (*made.field, *made.rates), strict=True)), surfaces=[*kept, *made.surfaces],
-        parameters=namespace, time_events=system.time_events, labels=system.labels or None,
+        parameters=namespace, time_events=system.time_events,
+        labels={name: text for name, text in system.labels.items() if name not in system.outputs},
     )  # fmt: skip
 
 
