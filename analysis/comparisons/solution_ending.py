@@ -35,8 +35,8 @@ class Ending:
     moved, speed       over the last twentieth of the span, over the extents: largest way, net speed
     chatter            half of `moved` where it is back and forth, else None
     decays             whether the second half of that time has less than half of the way of the first
-    change             of the amplitude from the last but one quarter to the last, over the larger; inf of what
-                       does not go up and down; NaN where a quarter is shorter than a period and cannot tell
+    change             of the amplitude from the last but one quarter to the last, over the larger; inf of
+                       what does not go up and down; NaN where a quarter is shorter than a period and cannot tell
     low, high          each state's least and largest value in the last quarter
     """
 
@@ -57,8 +57,8 @@ def ending(solution: Solution, count: int, extent: Array) -> Ending:
     """How a solution ends; count, extent: states of the exact system and how far each moves.
 
     A cycle: over each of the last two quarters of the span the state that moves most has the same amplitude
-    (to 5 %) and goes up through its middle twice at least, within a quarter of the span. Rest: the last twentieth moves by no more than
-    1e-9 of `extent`.
+    (to 5 %) and goes up through its middle twice at least, a period within a quarter of the span. Rest: the
+    last twentieth moves by no more than 1e-9 of `extent`.
     """
     sol, (t0, t1) = solution.sol, (solution.problem.t_span[0], solution.t_end)
     assert sol is not None

@@ -11,6 +11,7 @@ from filippov.analysis.comparisons.approximation import UNFIT
 from filippov.analysis.comparisons.comparison_result import SLOWEST, Trend, aligned, fitted
 from filippov.analysis.comparisons.solution_run import ERRORS, OWN
 from filippov.base.csv_text import csv_text
+from filippov.base.escape import markup
 from filippov.base.json_text import json_text
 from filippov.base.names import Answering
 from filippov.solving.solution import Solution
@@ -131,6 +132,9 @@ class SolutionComparison(Answering):
         (first, most), (last, least) = above[0], above[-1]
         text = f"{what} does NOT go to 0: {most:.3g} at width {first:g}, {least:.3g} at width {last:g}."
         return Trend(model, {}, quantity, order, False, text)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{markup(self.to_text())}</pre>"
 
     def __str__(self) -> str:
         return self.to_text().rstrip()
