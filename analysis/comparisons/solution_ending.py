@@ -36,7 +36,7 @@ class Ending:
     chatter            half of `moved` where it is back and forth, else None
     decays             whether the second half of that time has less than half of the way of the first
     change             of the amplitude from the last but one quarter to the last, over the larger; inf of
-                       what does not go up and down; NaN where a quarter is shorter than a period and cannot tell
+                       what does not go up and down; NaN where a quarter is shorter than a period
     low, high          each state's least and largest value in the last quarter
     """
 
