@@ -17,6 +17,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import solve_triangular
 
 from filippov.analysis.algebra import linalg
+from filippov.analysis.estimation.residual_noise import triangle
 
 Array = npt.NDArray[np.float64]
 
@@ -101,6 +102,6 @@ class ForceSegment:
         """Coefficients, and the root of their precision for s = 1."""
         b, d = self.design, self.roughness
         # The root of b'b + d'd/q without that sum: beside the larger part the other is below rounding.
-        root = np.linalg.qr(np.vstack((d / np.sqrt(q), b)), mode="r").T
+        root = triangle(np.vstack((d / np.sqrt(q), b))).T
         right = solve_triangular(root, b.T @ self.values, lower=True)
         return np.asarray(solve_triangular(root.T, right, lower=False)), np.asarray(root)

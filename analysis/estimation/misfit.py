@@ -24,6 +24,7 @@ from filippov.analysis.estimation.residual_noise import (
     Window,
     degrees_of_freedom,
     generalised,
+    triangle,
     whitened,
 )
 
@@ -145,7 +146,7 @@ def _white(windows: Sequence[Window], noise: Noise) -> tuple[list[Array], list[A
         rows = whitened(rows, noise.rho) / noise.sigma
         load, rest = rows[:, : w.load.shape[1]], rows[:, w.load.shape[1] :]
         # The root of 1 + kappa F F' without that sum: beside a large F its 1 is below rounding.
-        root = np.linalg.qr(np.vstack((np.sqrt(noise.kappa) * load.T, np.eye(len(load)))), mode="r").T
+        root = triangle(np.vstack((np.sqrt(noise.kappa) * load.T, np.eye(len(load))))).T
         own = solve_triangular(root * np.sign(np.diag(root)), rest, lower=True)
         residuals.append(own[:, 0])
         jacobians.append(own[:, 1:])

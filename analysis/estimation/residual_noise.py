@@ -88,12 +88,12 @@ def generalised(windows: Sequence[Window], sigma: float, rho: float, kappa: floa
         k, r = w.load.shape
         own = whitened(np.column_stack((np.sqrt(kappa) * w.load, w.jacobian, w.residual)), rho) / sigma
         prior = np.eye(r, own.shape[1])
-        whole = _triangle(np.vstack((own, prior)))
+        whole = triangle(np.vstack((own, prior)))
         log += 2 * (k * np.log(sigma) + float(np.sum(np.log(np.abs(np.diag(whole)[:r])))))
         log += (k - 1) * float(np.log1p(-(rho**2)))
         rows.append(whole[r:, r:])
         ends.append(whole[:r])
-    whole = _triangle(np.vstack(rows))
+    whole = triangle(np.vstack(rows))
     q = windows[0].jacobian.shape[1]
     root, right = whole[:q, :q], whole[:q, q]
     size = np.linalg.norm(root, axis=0)
@@ -135,7 +135,7 @@ def squares(windows: Sequence[Window], residuals: Sequence[Array], noise: Noise)
         r = w.load.shape[1]
         load = np.sqrt(noise.kappa) * w.load
         own = whitened(np.column_stack((load, residual)), noise.rho) / noise.sigma
-        total += float(np.sum(_triangle(np.vstack((own, np.eye(r, r + 1))))[r:, r] ** 2))
+        total += float(np.sum(triangle(np.vstack((own, np.eye(r, r + 1))))[r:, r] ** 2))
     return total
 
 
@@ -219,7 +219,8 @@ def degrees_of_freedom(windows: Sequence[Window], noise: Noise, places: Sequence
     return np.asarray(np.clip(2 * here**2 / np.maximum(spread, 1e-300), 2.0, total))
 
 
-def _triangle(rows: Array) -> Array:
+def triangle(rows: Array) -> Array:
+    """R of rows = Q R."""
     return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
