@@ -15,7 +15,6 @@ from filippov.analysis.algebra.routh_hurwitz import routh_hurwitz
 from filippov.analysis.local_stability.planar_cone import planar_cone
 from filippov.analysis.local_stability.stability import stability_report
 from filippov.analysis.steady.equilibria import equilibria
-from filippov.models import registry
 
 x, v, y, w = states("x v y w")
 p = parameters(e=0.5, k=1.0, c=0.4, a=1.5, q=2.0, b=0.5, g=1.0)
@@ -181,13 +180,6 @@ def test_a_body_on_a_floor_that_slides_on_a_spring(c: float, e: float, answer: s
 def test_a_force_that_pulls_leaves_no_contact() -> None:
     system = System({y: v, v: p.g}, surfaces=[Surface("floor", y, reset={v: -p.e * v})], parameters=p)
     assert not len(equilibria(system))
-
-
-@pytest.mark.parametrize("name", registry.names())
-def test_every_model_has_a_report(name: str) -> None:
-    report = stability_report(registry.get(name).build(), budget=3.0)
-    assert "Verdict" in report.to_text() or not report.items
-    assert report.to_latex()
 
 
 # -- Routh-Hurwitz -----------------------------------------------------------------------------------------
