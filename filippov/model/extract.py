@@ -182,6 +182,8 @@ class Extractor:
             factor = self.table.ratio(plus - minus, entry.h)
             if factor is not None:  # continuous: the jump is a multiple of h
                 return (plus + minus) / 2 + factor * entry.a / 2
+        if context == "field":
+            plus, minus = (self.table.on_side(branch, s, m) for branch, m in ((plus, 1), (minus, -1)))
         return Select(s, plus, minus)
 
     def _weighed(self, branch: Expr) -> Expr:

@@ -169,6 +169,23 @@ class SurfaceTable:
                 return entry, factor
         return None
 
+    def on_side(self, expr: Expr, s: Symbol, m: int) -> Expr:
+        """Return expr, which holds where the sign s is m, with m |h| for h under powers that are not whole.
+
+        They are undefined beyond the surface, on which rounding leaves h on either side of 0.
+        """
+        entry, sizes = self._by_sign[s], {}
+        for power in expr.atoms(sympy.Pow):
+            factors = [] if power.exp.is_integer else sympy.Mul.make_args(power.base)
+            for k, factor in enumerate(factors):
+                ratio = self.ratio(factor, entry.h) if dynamic(factor) else None
+                if ratio is not None:
+                    base = sympy.Mul(*factors[:k], ratio * m * entry.a, *factors[k + 1 :])
+                    if not base.is_nonpositive:  # undefined on its own side
+                        sizes[power] = sympy.Pow(base, power.exp)
+                    break
+        return expr.xreplace(sizes) if sizes else expr
+
     def ratio(self, h: Expr, k: Expr) -> Expr | None:
         """Return h/k if it is a constant that is not 0, else None."""
         if h == k:

@@ -15,6 +15,8 @@ CLOSE = 1e-6
 STAGNATION_STEPS, STAGNATION, STANDSTILL = 4_000, 1e-5, 1e-9
 # So many such looks in a row that cover less than this: there is no getting going any more.
 LOOKS, NO_PROGRESS = 3, 1e-6
+# |h|, in the terms of h, of a surface on which the state lies.
+ON_SURFACE = 1e-12
 TURNS = (
     "a jump without a surface, or a field that turns round a point, such as friction along v/|v| at rest. "
     "Write the jump with sign(...) or declare a Surface; give friction in the plane a small speed below "
@@ -89,7 +91,7 @@ def suspect(run: Run) -> str:
     signs = np.where(mode == 0.0, run.lam, mode)
     with np.errstate(all="ignore"):
         here = machine.rhs(run.t, run.x, np.where(mode == 0.0, 1.0, signs), mode)
-        text = _not_finite(here, system.states, run)
+        text = _not_finite(here, system.states, run.signs)
         if text:
             return text
         # As far ahead as differences of a plain h reach.
@@ -106,20 +108,27 @@ def suspect(run: Run) -> str:
 
 def no_mode(run: Run, where: str) -> tuple[Status, str]:
     """Why no mode can follow: the field has no value here, or nothing that is known; and the sentence."""
+    states = run.machine.system.states
     with np.errstate(all="ignore"):
-        signs = np.where(run.mode == 0.0, 1.0, run.mode)
-        finite = np.all(np.isfinite(run.machine.rhs(run.t, run.x, signs, run.mode)))
-    status = Status.NO_CONTINUATION if finite else Status.NOT_FINITE
-    return status, f"{where}. {suspect(run)}".rstrip()
+        sizes, scale = run.scales()
+        for i in [None, *np.flatnonzero(sizes <= ON_SURFACE * scale)]:
+            signs = np.where(run.mode == 0.0, 1.0, run.mode)
+            if i is not None:
+                signs[i] *= -1.0
+            field = run.machine.rhs(run.t, run.x, signs, run.mode)
+            text = _not_finite(field, states, tuple(signs.astype(int)))
+            if text:
+                return Status.NOT_FINITE, f"{where}. {text}"
+    return Status.NO_CONTINUATION, f"{where}. {suspect(run)}".rstrip()
 
 
-def _not_finite(field: Array, states: tuple[str, ...], run: Run) -> str:
+def _not_finite(field: Array, states: tuple[str, ...], signs: tuple[int, ...]) -> str:
     bad = np.flatnonzero(~np.isfinite(field))
     if not len(bad):
         return ""
     i = int(bad[0])
     value = "NaN" if np.isnan(field[i]) else str(field[i])
-    return f"The field of mode {mode_text(run.signs)} returned {value} for dy[{i}] (d{states[i]}/dt)."
+    return f"The field of mode {mode_text(signs)} returned {value} for dy[{i}] (d{states[i]}/dt)."
 
 
 def _nearest(run: Run, longest: float) -> str:

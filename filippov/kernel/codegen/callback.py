@@ -19,6 +19,9 @@ from filippov.kernel.codegen.structure import Structure
 from filippov.model.surface import Surface
 from filippov.model.time_event import TimeEvent
 
+# The largest distance from a surface that is rounding, relative to the state and to the way that led to it.
+ON_SURFACE = 1e-13
+
 _FIELD = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *([ctypes.c_void_p] * 5))
 _GUARD = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *([ctypes.c_void_p] * 4))
 
@@ -161,6 +164,8 @@ class Callbacks:
             signs = signs[: len(self.surfaces)]
             signs.flags.writeable = False
             value = checked_vector(self.field(t, self._state(x), self.p, signs), self.n, signs)
+            if not np.isfinite(value).all():
+                value = self._on_its_side(t, self._state(x), signs, value)
             self.replacement.count(t, x, signs, value)
             if self.contacts is not None and self.contacts.held(mode := self._mode(m)):
                 value = self.contacts.pushed(value, t, self._state(x), signs, mode)
@@ -169,6 +174,29 @@ class Callbacks:
             self.error = named_write(error, "field")
             return 1
         return 0
+
+    def _on_its_side(
+        self,
+        t: float,
+        x: npt.NDArray[np.float64],
+        signs: npt.NDArray[np.float64],
+        value: npt.NDArray[np.float64],
+    ) -> npt.NDArray[np.float64]:
+        """The field of a point that lies beyond surfaces by rounding, where it is undefined: at its image.
+
+        On a surface rounding leaves h on either side of 0, and the field of one side may be a root of h.
+        """
+        image = x.copy()
+        for i in range(len(self.surfaces)):
+            h, row = self._h(i, t, x), self._slopes_of(i, t, x)[: self.n]
+            if h * signs[i] < 0.0 and abs(signs[i]) == 1.0 and (size := float(row @ row)) > 0.0:
+                image -= 2.0 * h / size * row
+        if np.array_equal(image, x):
+            return value
+        image.flags.writeable = False
+        there = checked_vector(self.field(t, image, self.p, signs), self.n, signs)
+        near = np.max(np.abs(x)) + abs(t) * np.max(np.abs(there))
+        return there if np.max(np.abs(image - x)) <= ON_SURFACE * near else value
 
     def _guarded(
         self, function: Callable[[float, int, int], npt.NDArray[np.float64]]

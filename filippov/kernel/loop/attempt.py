@@ -13,8 +13,8 @@ from filippov.kernel.loop.control import (
     uniform,
 )
 from filippov.kernel.loop.field import clear_ranges, field, project
-from filippov.kernel.loop.land import EPS
-from filippov.kernel.loop.model import AFFINE, END_IN_ERROR, IMPLICIT, STAGES, M, N, stages
+from filippov.kernel.loop.land import EPS, project_on
+from filippov.kernel.loop.model import AFFINE, END_IN_ERROR, IMPLICIT, STAGES, WIDTH, M, N, stages
 from filippov.kernel.loop.state import Trajectory
 from filippov.kernel.tables.codes import (
     AGAIN,
@@ -147,9 +147,9 @@ def try_step(run: Trajectory) -> int:
 def shrink(run: Trajectory, failed: int) -> int:
     """A shorter step after an invalid one; ARRIVED where a surface is one rounding away."""
     go_back(run)
-    clock, now = run.clock, run.now
+    clock, now, w = run.clock, run.now, run.w
     run.count.rejected += 1
-    length, surface = shrink_invalid(clock, run.m, run.order, now.step, run.w)
+    length, surface = shrink_invalid(clock, run.m, run.order, now.step, w)
     clock.grow = 2.0
     clock.step = length
     if surface < 0:
@@ -161,5 +161,7 @@ def shrink(run: Trajectory, failed: int) -> int:
     clock.step = abs(now.step)
     now.t_end = now.t
     for j in range(N):
-        run.w.xe[j] = run.x[j]
-    return ARRIVED
+        w.xe[j] = run.x[j]
+    if WIDTH[surface] != 0.0 or run.iw.sliding > 0:
+        return ARRIVED
+    return USER_ERROR if project_on(now.t, w.xe, run.p, run.m, surface, w, run.ctx) != 0 else ARRIVED

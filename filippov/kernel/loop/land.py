@@ -52,7 +52,7 @@ def project_on(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, ct
         if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, w.g, w.gt, ctx) != 0:
             return 1
         size = gradient_product(i, i, w)
-        if h[i] == 0.0 or size == 0.0:
+        if h[i] == 0.0 or not (0.0 < size < 1e300):
             return 0
         add_gradient(i, -h[i] / size, x, w)
     return guards(t, x, p, m, h, ctx)
