@@ -25,7 +25,9 @@ MOST_CHOICES = 32  # arguments of Min and Max, which are compared pair by pair
 FUNCTIONS: dict[str, Any] = {
     **{f.name: getattr(sympy, f.symbolic) for f in ELEMENTARY if f.formula},
     **{name: getattr(sympy, name) for name in ("sqrt", "Abs", "sign", "Heaviside", "Min", "Max")},
-    "abs": sympy.Abs, "ln": sympy.log, "min": sympy.Min, "max": sympy.Max,
+    "abs": sympy.Abs, "ln": sympy.log, "min": sympy.Min, "max": sympy.Max, "sgn": sympy.sign,
+    "cbrt": sympy.cbrt, "Piecewise": sympy.Piecewise, "Rational": lambda p, q=sympy.S.One: _ratio(p, q),
+    "sec": lambda u: 1 / sympy.cos(u), "csc": lambda u: 1 / sympy.sin(u), "cot": lambda u: 1 / sympy.tan(u),
 }
 _CONSTANTS = {"pi": sympy.pi, "t": t}
 _NUMBER = re.compile(r"[0-9.]+([eE][+-]?[0-9]+)?")
@@ -71,6 +73,9 @@ def _tree(text: str, what: str) -> ast.Expression:
 _COMPARISONS: dict[type[ast.cmpop], Any] = {
     ast.Lt: sympy.Lt, ast.LtE: sympy.Le, ast.Gt: sympy.Gt, ast.GtE: sympy.Ge,
 }  # fmt: skip
+
+
+_LOGIC: dict[str, Any] = {"And": sympy.And, "Or": sympy.Or, "Not": sympy.Not}
 
 
 class _Reader:
@@ -121,6 +126,8 @@ class _Reader:
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
             if node.func.id not in FUNCTIONS:
                 raise ModelError(unknown("function", node.func.id, FUNCTIONS))
+            if node.func.id == "Piecewise":
+                return self.piecewise(node, depth + 1)
             return self.apply(node, [self.read(argument, depth + 1) for argument in node.args])
         function = node.func if isinstance(node, ast.Call) else None
         if isinstance(function, ast.Attribute):  # np.sin(x), math.sin(x)
@@ -133,13 +140,34 @@ class _Reader:
         if isinstance(node, ast.BoolOp):
             join = sympy.And if isinstance(node.op, ast.And) else sympy.Or
             return join(*(self.condition(part, depth + 1) for part in node.values))
-        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitAnd | ast.BitOr):  # (a < b) & (c < d)
+            join = sympy.And if isinstance(node.op, ast.BitAnd) else sympy.Or
+            return join(*(self.condition(part, depth + 1) for part in (node.left, node.right)))
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not | ast.Invert):
             return sympy.Not(self.condition(node.operand, depth + 1))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _LOGIC:
+            return self.joined(node, _LOGIC[node.func.id], depth + 1)
         if isinstance(node, ast.Compare) and all(type(op) in _COMPARISONS for op in node.ops):
             sides = [self.read(side, depth + 1) for side in (node.left, *node.comparators)]
             pairs = zip(node.ops, sides[:-1], sides[1:], strict=True)
             return sympy.And(*(_COMPARISONS[type(op)](a, b) for op, a, b in pairs))
         raise self.refuse(node, "is not a condition; use < <= > >= and, or, not")
+
+    def joined(self, node: ast.Call, join: Any, depth: int) -> Any:
+        if node.keywords or not 1 <= len(node.args) <= (1 if join is sympy.Not else MOST_CHOICES):
+            raise self.refuse(node, "has the wrong number of conditions")
+        return join(*(self.condition(part, depth) for part in node.args))
+
+    def piecewise(self, node: ast.Call, depth: int) -> Any:
+        """The value of Piecewise((u, x > 0), ..., (w, True))."""
+        pairs = [part.elts for part in node.args if isinstance(part, ast.Tuple) and len(part.elts) == 2]
+        if not 1 <= len(pairs) == len(node.args) <= MOST_CHOICES:
+            raise self.refuse(node, "is not of the form Piecewise((u, x > 0), (w, True))")
+        pieces: list[Any] = []
+        for value, condition in pairs:
+            always = isinstance(condition, ast.Constant) and condition.value is True
+            pieces.append((self.read(value, depth), always or self.condition(condition, depth)))
+        return sympy.Piecewise(*pieces)
 
     def number(self, node: ast.Constant) -> Expr:
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
@@ -189,6 +217,12 @@ class _Reader:
             return FUNCTIONS[node.func.id](*values)  # type: ignore[attr-defined]
         except (TypeError, ValueError):
             raise self.refuse(node, "has the wrong number or kind of arguments") from None
+
+
+def _ratio(p: Expr, q: Expr) -> Expr:
+    if q.is_zero:
+        raise ValueError
+    return p / q
 
 
 def _chain(node: ast.BinOp, ops: Any) -> tuple[ast.expr, list[tuple[type[ast.operator], ast.expr]]]:

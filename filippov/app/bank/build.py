@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -23,6 +24,7 @@ from filippov.model.system import System
 from filippov.model.time_event import TimeEvent
 from filippov.solving.state.options import Options
 
+_WORD = re.compile(r"[^\W\d]\w*")
 NUMBERS = ("rtol", "atol", "first_step", "max_step", "max_steps", "max_events")
 OPTIONS = (*NUMBERS, "method", "nonunique", "zeno", "simultaneous", "sliding")
 MOST_SURFACES = 12
@@ -106,12 +108,23 @@ def build(raw: Mapping[str, Any], free: str = "") -> Built:
 def _names(
     form: SystemForm, states: Sequence[Symbol], put: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """The meaning of states and parameters; `put` replaces values of the case."""
+    """The meaning of states and parameters, these in any order; `put` replaces values of the case."""
     names: dict[str, Any] = {symbol.name: symbol for symbol in states}
-    for key, value in (form.params or {}).items():
-        name = check_name(key, "parameter")
-        names[name] = put[name] if put and name in put else expression(value, names)
+    left = {check_name(key, "parameter"): value for key, value in (form.params or {}).items()}
+    for name in [name for name in left if put and name in put]:
+        names[name] = (put or {})[name]
+        del left[name]
+    while left:
+        # Those that hold none of the others; where there are none, the first one says what is unknown.
+        ready = [name for name, value in left.items() if not _words(value) & (left.keys() - {name})]
+        for name in ready or list(left)[:1]:
+            names[name] = expression(left.pop(name), names)
     return names
+
+
+def _words(value: Any) -> set[str]:
+    """The names in a formula."""
+    return set(_WORD.findall(value)) if isinstance(value, str) else set()
 
 
 def _as_relay(form: SystemForm) -> SystemForm:
@@ -126,7 +139,7 @@ def _as_relay(form: SystemForm) -> SystemForm:
     (where,) = until[0]
     first, second = (f"({u[where]})" for u in until)
     # The mode that lasts until the upper threshold is the one below it.
-    params = {key: number(value, {}) for key, value in (form.params or {}).items()}
+    params = _names(form, ())
     upper = number(first, params) > number(second, params)
     low, high = (mode.field for mode in (form.automaton if upper else form.automaton[::-1]))
     half = f"({first}-{second})/2" if upper else f"({second}-{first})/2"

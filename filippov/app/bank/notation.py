@@ -7,7 +7,7 @@ import re
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from sympy import Expr
+from sympy import E, Expr
 
 from filippov.base.errors import ModelError
 from filippov.model.expression import FUNCTIONS, parse_expression
@@ -21,7 +21,11 @@ Number = float | str
 
 
 def formula(text: str, names: Mapping[str, Any]) -> Expr:
-    """The expression that a formula in loose notation stands for. Raises ModelError."""
+    """The expression that a formula in loose notation stands for; E is exp(1) unless it is a name.
+
+    Raises ModelError.
+    """
+    names = {"E": E, **names}
     try:
         return parse_expression(text, names)
     except ModelError as error:

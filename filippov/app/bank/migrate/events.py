@@ -273,7 +273,8 @@ RULES: Rules = (
     (r"n_events number_of_events event_count", lambda o, _: o.one(EventCount())),
     (r"event_types event_kinds event_sequence", _event_types),
     (r"modes mode_sequence mode_word", _modes),
-    (r"(?P<what>event|switch(?:ing)?|impact|crossing|entry|exit|slide|reset)_times t_events t_switches",
+    ((r"(?P<what>event|switch(?:ing)?|impact|crossing|entry|exit|slide|reset|release|leave)_times t_events "
+      r"t_switches root_times"),
      _times),
     (r"events?_(?P<numbers>\d+(?:_\d+)*)(?:_times?)?", _numbered),
     (r"(?:switch|event|t|t_event|t_switch|impact)_(?P<k>\d+)",
@@ -281,6 +282,11 @@ RULES: Rules = (
     ((rf"t_(?:(?P<place>first|second|third|fourth|fifth|last)_)?(?P<kind>{_KIND})(?:_(?P<k>\d+))?"
      rf"(?:_codim_?(?P<deep>\d))? (?P<place>first|second|third|last)_(?P<kind>{_KIND})_(?:time|t)"),
      _time),
-    (r"t_first(?:_[\d._-]+)? t_event t_switch first_event_t(?:ime)? first_switch(?:_t)?",
+    ((r"t_first(?:_[\d._-]+)? t_event t_switch first_event_t(?:ime)? first_switch(?:_t)? t_root root_time"),
      lambda o, _: o.one(OneEvent())),
+    # stick_time and slip_time are lengths.
+    ((r"(?P<kind>event|switch|switching|crossing|cross|entry|exit|release|leave|impact|reset|grazing)_time"
+     r"(?:_(?P<k>\d+))?"),
+     lambda o, g: o.either(*(OneEvent(kind_word(o, g["kind"]), acting=a, number=counting(g["k"]))
+                             for a in (False, True)))),
 )  # fmt: skip

@@ -225,6 +225,15 @@ def _equilibrium(old: Old, _: Groups) -> list[Reading]:
     return old.one(Rest(point), value=0)
 
 
+def _equilibria(old: Old, _: Groups) -> list[Reading]:
+    points: Any = np.atleast_1d(old.wanted())
+    if points.ndim == 1 and len(old.states) == 1:
+        points = points[:, None]
+    if points.ndim != 2 or points.shape[1] != len(old.states):
+        raise NotUnderstoodError(f"the points have no {len(old.states)} states each")
+    return [Reading(tuple(old.e(Rest(tuple(point)), value=0) for point in points.tolist()))]
+
+
 def _capture(old: Old, _: Groups) -> list[Reading]:
     pairs = re.findall(r"\(([^()]*)\)\s*:\s*([-+\d.eE]+)", old.text)
     if not pairs:
@@ -273,6 +282,7 @@ RULES: Rules = (
      lambda o, g: o.either(*(Continuations(s, take=g["state"]) for s in (True, False)), order="any")),
     (r"filippov_interval_{state}dot", lambda o, g: o.one(RateBounds(g["state"]))),
     (r"(?:pseudo_?|pseudo-)?equilibrium(?:_point)? rest_point", _equilibrium),
+    (r"(?:pseudo_?|pseudo-)?equilibria rest_points", _equilibria),
     (r"capture_times?", _capture),
     (rf"{{state}}dot_(?P<rule>{_RULE}) (?P<rule>{_RULE})_{{state}}dot",
      lambda o, g: o.one(Rate(component=g["state"], sliding=g["rule"]))),
