@@ -9,6 +9,7 @@ from typing import Any
 
 import published_oracle as oracle
 import pytest
+from sign_vector_oracle import follow
 
 from filippov.app.bank import run_bank
 from filippov.app.bank.notation import number
@@ -52,6 +53,19 @@ def test_15_stored_values_are_those_of_other_methods() -> None:
     assert values("C02_relay_oscillator_with_hysteresis") == pytest.approx([*times, *end], abs=1e-11)
     stored = values("C03_fast_switches")
     assert stored == pytest.approx(list(itertools.islice(oracle.fast_switches(1.0), len(stored))), abs=1e-11)
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name.startswith("D")])
+def test_15_stored_values_of_sign_vectors_are_those_of_scipy(name: str) -> None:
+    case = CASES[name]
+    # scipy needs fields that are defined beyond their surface as well.
+    for power in ("(-wl/ws)", "(wl/ws)"):
+        table = case["fields"].items()
+        rows = {key: [text.replace(power, "(Abs(wl)/ws)") for text in row] for key, row in table}
+        case = {**case, "fields": rows}
+    begin, end = (number(text, {}) for text in case["t_span"])
+    times, last = follow(case, [number(text, {}) for text in case["x0"]], (begin, end))
+    assert values(name) == pytest.approx([*times, *last], abs=1e-9)
 
 
 def test_15_break_away_falls_with_the_rate_as_published() -> None:

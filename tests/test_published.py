@@ -4,11 +4,13 @@ Each docstring names the source; nothing here is computed by the code under test
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
-from scipy.optimize import brentq
+from scipy.optimize import brentq, fsolve
 
 from filippov import (
     Heaviside,
@@ -19,6 +21,7 @@ from filippov import (
     System,
     TimeEvent,
     cos,
+    exp,
     parameters,
     sign,
     sin,
@@ -241,3 +244,141 @@ def test_a_clock_that_ends_a_slide_and_clocks_at_once_have_a_derivative() -> Non
     at_clock = next(event.x[1] for event in orbit.events if event.surface == "on")
     assert at_clock == pytest.approx(voltage, rel=1e-8)
     assert orbit.multipliers[:2].real == pytest.approx([slope, 0.5], abs=1e-7)
+
+
+def phase(
+    f: Any, x: Any, g: Any, direction: int, start: float = 0.0, skip: float = 1e-4
+) -> tuple[float, np.ndarray]:
+    """The next time after `skip` at which g(t, x) passes 0 in a direction, by scipy, and the state there."""
+    def stop(s: float, z: np.ndarray) -> float:
+        return float(g(s, z))
+
+    stop.terminal, stop.direction = True, direction  # type: ignore[attr-defined]
+    fine: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
+    first = solve_ivp(f, (start, start + skip), x, **fine)
+    run = solve_ivp(f, (start + skip, start + 50), first.y[:, -1], events=stop, max_step=0.05, **fine)
+    assert run.status == 1
+    return float(run.t[-1]), np.asarray(run.y[:, -1])
+
+
+def slopes(f: Any, x: np.ndarray, step: float) -> np.ndarray:
+    """The derivative of a map, by differences of order 4."""
+    def slope(e: np.ndarray) -> np.ndarray:
+        return np.asarray(8 * (f(x + e) - f(x - e)) - (f(x + 2 * e) - f(x - 2 * e))) / (12 * step)
+
+    return np.array([slope(e) for e in step * np.eye(len(x))]).T
+
+
+def test_simplest_walker_has_the_gait_of_its_paper() -> None:
+    """Garcia, Chatterjee, Ruina & Coleman 1998, slope 0.009: the long gait; its foot scuffs on the way."""
+    th, om, ph, rate = states("th om ph rate")
+    fall = sin(th - 0.009)
+    swing = fall + om**2 * sin(ph) - cos(th - 0.009) * sin(ph)
+    struck = {th: -th, om: cos(2 * th) * om, ph: -2 * th, rate: cos(2 * th) * (1 - cos(2 * th)) * om}
+    # The heel strikes behind the middle of the step: both arguments have to be negative.
+    heel = Surface("heel", Max(2 * th - ph, th), reset=struck)
+    walker = System({th: om, om: fall, ph: rate, rate: swing}, surfaces=[heel])
+
+    def field(_: float, z: np.ndarray) -> list[float]:
+        down = math.sin(z[0] - 0.009)
+        return [z[1], down, z[3], down + z[1] ** 2 * math.sin(z[2]) - math.cos(z[0] - 0.009) * math.sin(z[2])]
+
+    def step(u: np.ndarray) -> tuple[float, np.ndarray]:
+        a, b = u
+        start = [a, b, 2 * a, (1 - math.cos(2 * a)) * b]
+        time, z = phase(field, start, lambda _, z: 2 * z[0] - z[2], -1, skip=1.0)
+        return time, np.array([-z[0], math.cos(2 * z[0]) * z[1]])
+
+    gait = fsolve(lambda u: step(u)[1] - u, [0.2, -0.2], xtol=1e-13)
+    assert gait == pytest.approx([0.20031090, -0.19983247], abs=2e-7)
+    a, b = gait
+    orbit = find_orbit(walker, (a, b, 2 * a, (1 - math.cos(2 * a)) * b))
+    assert orbit.period == pytest.approx(step(gait)[0], abs=1e-9)
+    largest = np.abs(np.linalg.eigvals(slopes(lambda u: step(u)[1], gait, 1e-4)))
+    assert np.sort(np.abs(orbit.multipliers))[-2:] == pytest.approx(np.sort(largest), abs=1e-6)
+
+
+def test_two_tanks_are_empty_at_the_end_of_infinitely_many_switches() -> None:
+    """Johansson, Egerstedt, Lygeros & Sastry 1999: the inflow goes to the tank that runs empty."""
+    y, q = states("y q")
+    rules = [Surface("first", x, reset={q: 1 + 0 * q}), Surface("second", y, reset={q: 0 * q})]
+    tanks = System({x: 1.8 * q - 1, y: 1.8 * (1 - q) - 1.2, q: 0 * q}, surfaces=rules)
+    run = solve(tanks, (1, 0.7, 1), (0, 6))
+    a, b, filled, time, times = 1.0, 0.7, True, 0.0, []
+    for _ in range(20):
+        dt = b / 1.2 if filled else a
+        a, b = (a + 0.8 * dt, 0.0) if filled else (0.0, b + 0.6 * dt)
+        filled, time = not filled, time + dt
+        times.append(time)
+    assert run.status is Status.ZENO
+    assert run.events.t[:20] == approx(times, rel=1e-12)
+    assert run.zeno.t == approx(1.7 / (1 + 1.2 - 1.8), abs=1e-7)
+
+
+def test_rocking_block_loses_speed_at_each_foot() -> None:
+    """Housner 1963, Hogan 1989: x'' = x - sign x + b cos wt, the speed times r where x passes 0."""
+    r, b, omega = 0.925, 0.2, 3.0
+    foot = Surface("foot", x, reset={v: r * v}, side="both")
+    run = solve(System({x: v, v: x - sign(x) + b * cos(omega * t)}, surfaces=[foot]), (0.5, 0), (0, 15))
+    time, z, side, times = 0.0, np.array([0.5, 0.0]), 1.0, []
+    for _ in range(8):
+        def rates(s: float, z: np.ndarray, side: float = side) -> list[float]:
+            return [z[1], z[0] - side + b * math.cos(omega * s)]
+
+        time, z = phase(rates, z, lambda _, z: z[0], int(-side), time)
+        times.append(time)
+        z, side = np.array([0.0, r * z[1]]), -side
+    assert [event.t for event in run.events if event.kind == "reset"][:8] == approx(times, abs=1e-8)
+
+
+def test_current_mode_converter_doubles_its_period_at_half_duty() -> None:
+    """Deane 1992: with a constant output voltage the multiplier is -D/(1 - D), D = 1 - E/V."""
+    p, q = parameters(V=18.0, E=10.0, L=1e-3, T=1e-4), states("q")[0]
+    peak = Surface("peak", x - 1, reset={q: 0 * q}, side="-")
+    clock = TimeEvent("clock", period=p.T, reset={q: 1 + 0 * q})
+    ramps = {x: (p.E - (1 - q) * p.V) / p.L, q: 0 * q}
+    boost = System(ramps, surfaces=[peak], time_events=[clock], parameters=p)
+    orbit = find_orbit(boost, (0.6, 1), period="T")
+    assert orbit.multipliers.real == approx([-0.8, 0], abs=1e-9)
+    special = continuation(boost, orbit, parameter="V", bounds=(12, 24)).run().special
+    assert [(point.special, point.value) for point in special] == [("period doubling", approx(20, rel=1e-9))]
+
+
+def test_neuron_fires_where_its_closed_form_reaches_the_threshold() -> None:
+    """Keener, Hoppensteadt & Rinzel 1981: v' = -v + I + A cos wt, reset to 0 at 1."""
+    fire = Surface("fire", v - 1, reset={v: 0 * v}, side="-")
+    run = solve(System({v: -v + 1.2 + 0.3 * cos(3 * t)}, surfaces=[fire]), (0,), (0, 20))
+
+    def level(s: float, start: float) -> float:
+        def forced(s: float) -> float:
+            return 1.2 + 0.03 * (math.cos(3 * s) + 3 * math.sin(3 * s))
+
+        return forced(s) - forced(start) * math.exp(start - s)
+
+    last = 0.0
+    for event in run.events:
+        grid = last + np.arange(1, 4000) * 2e-3
+        k = next(k for k, s in enumerate(grid) if level(s, last) > 1)
+        last = brentq(lambda s, last=last: level(s, last) - 1, grid[k - 1], grid[k], xtol=1e-14)
+        assert event.t == approx(last, abs=1e-9)
+    assert len(run.events) > 8
+    assert run.x_end[0] == approx(level(20, last), abs=1e-8)
+
+
+def test_cycle_of_stick_and_slip_ends_where_the_slip_grazes_the_belt() -> None:
+    """Galvanetto & Bishop 1999: friction 0.6 + 0.4 exp(-2 |v - V|), damping; the largest V of the belt."""
+    p = parameters(V=1.2)
+    law = 0.6 + 0.4 * exp(-2 * abs(v - p.V))
+    belt = System({x: v, v: -x - 0.1 * v - law * sign(v - p.V)}, parameters=p)
+    branch = continuation(belt, find_orbit(belt, (0, 1.2)), parameter="V", bounds=(1.1, 1.8)).run()
+
+    def missed(V: float) -> float:
+        def slips(_: float, z: np.ndarray) -> list[float]:
+            return [z[1], -z[0] - 0.1 * z[1] + 0.6 + 0.4 * math.exp(-2 * (V - z[1]))]
+
+        _, z = phase(slips, [1 - 0.1 * V, V], lambda s, z: slips(s, z)[1], -1, skip=1.5)
+        return float(z[1] - V)
+
+    last = brentq(missed, 1.5, 1.6, xtol=1e-12)
+    assert branch.special[0].special == "grazing-sliding"
+    assert branch.special[0].value == approx(last, abs=1e-7)
