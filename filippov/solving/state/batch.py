@@ -221,12 +221,17 @@ class _Room:
         self.rows = mine[:1] if unit is None else mine[4 : 4 + _GROUPS * lanes]
         self.free = mine[3:] if unit is None else mine[waiting + 1 :]
         self.numbers = np.arange(self.free.size)
-        # By the names of the entry point's arguments.
-        self.places: dict[str, Any] = {"run": run, "mine" if unit is None else "rows": mine}
+        # The batch under way, and by name what the entry point is called with: addresses keep nothing alive.
+        self.batch, entry = Trajectories.new(), "ensemble" if unit is None else "lane_run"
+        self.places: dict[str, Any] = {"last": 0, "steps": 0, "batch": self.batch, "run": run}
+        self.places["mine" if unit is None else "rows"] = mine
         # What a batch starts with in zeros, and the lanes of each group by their names.
         self.blank: list[npt.NDArray[Any]] = [run.w.array, run.iw.array, run.now.array, mine]
         self.wide: list[dict[str, Array]] = []
+        compiled = machine.compiled if unit is None else unit
+        self.function = compiled.functions[entry]
         if unit is None:
+            _, _, *self.arguments = compiled.arguments(entry, self.places)
             return
         width, inside = int(machine.unit.constants["P"]), run.w.array.size  # type: ignore[arg-type]
         sizes = {
@@ -250,14 +255,14 @@ class _Room:
         iw = machine.compiled.integers()
         self.blank.append(iw.array)
         self.places |= {"entries": entries, "groups": rows, "iw_l": iw, "pasts": self.pasts}
+        _, _, *self.arguments = compiled.arguments(entry, self.places)
 
-    def clear(self, atol: Array, instants: Array, stops: bool) -> None:
-        """As new: what a batch leaves behind must not reach the next.
-
-        stops: trajectories end where events accumulate
-        """
-        self.run.refer(atol=atol, instants=instants)
-        self.pasts.column("stops")[:] = stops
+    def take_up(self, batch: Batch) -> None:
+        """As new, for a batch: what the one before left behind must not reach it."""
+        atol = batch.atol
+        self.batch.array[:] = batch.rows.array
+        self.run.refer(atol=atol, instants=batch.instants)
+        self.pasts.column("stops")[:] = batch.options.zeno == "stop"
         self.wipe()
         for parts in self.wide:
             for name in ("rtol", "trend"):
@@ -299,8 +304,6 @@ class _Chunks:
     def __init__(self, batch: Batch, unit: Compiled | None) -> None:
         machine = batch.machine
         self.batch, self.last, self.steps = batch, batch.size, _CHUNK
-        name, compiled = ("ensemble", machine.compiled) if unit is None else ("lane_run", unit)
-        self.function = compiled.functions[name]
         if unit is not None:
             self.steps = _CHUNK // unit.lanes
         self.rooms = machine.rooms.setdefault(unit.lanes if unit is not None else 1, [])
@@ -308,9 +311,8 @@ class _Chunks:
             self.room = self.rooms.pop()
         except IndexError:
             self.room = _Room(machine, unit)
-        self.room.clear(batch.atol, batch.instants, batch.options.zeno == "stop")
-        values = {"last": 0, "steps": 0, "batch": batch.rows, **self.room.places}
-        _, _, *self.arguments = compiled.arguments(name, values)
+        self.room.take_up(batch)
+        self.function, self.arguments = self.room.function, self.room.arguments
         self.row = 0
         self.more = True
 

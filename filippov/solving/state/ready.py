@@ -38,11 +38,14 @@ def ready(
 
 def put_back(run: Run) -> None:
     """Let a run wait for the next one, if all that it knows of its problem is in its arrays."""
-    machine = run.machine
-    if machine is not run.own or machine.events or not machine.formulas:
+    machine = run.own
+    if machine.events or not machine.formulas:
         return
     if machine.compiled.plain or run.coef.nbytes + machine.w.array.nbytes > _LARGEST:
         return
+    if run.machine is not machine:
+        # Where the solution slid to higher order the run went on with another one.
+        run.attach(machine)
     key = run.options.stepper, machine.sliding, current()
     waiting = machine.system.runs.setdefault(key, [])
     # A run that waits must not keep its system alive, nor what it has made.
