@@ -91,6 +91,26 @@ def test_14_3_a_clocked_run_knows_nothing_of_the_runs_before() -> None:
     assert found[::-1] == expected
 
 
+@pytest.mark.parametrize("name", ["twisting", "fuller", "differentiator"])
+def test_14_3_a_run_that_slid_to_second_order_leaves_nothing_to_the_next(name: str) -> None:
+    model, rng = get(name), np.random.default_rng(15)
+    system, x0 = model.build(), np.array(model.x0)
+    end = {"twisting": 20.0, "fuller": 4.0, "differentiator": 4.0}[name]
+    asked = [
+        {
+            "x0": x0 * (1.0 + 0.2 * float(rng.uniform(-1.0, 1.0))), "t_span": (0.0, part * end),
+            "zeno": zeno, "nonunique": "stick", "dense_output": bool(rng.random() < 0.5),
+        }
+        for part in (1e-3, 0.3, 1.0) for zeno in ("continue", "stop") for _ in range(3)
+    ]  # fmt: skip
+    expected = [_numbers(_alone(system, one)) for one in asked]
+    system.runs.clear()
+    for k in rng.integers(len(asked), size=60).tolist():
+        assert _numbers(solve(system, **asked[k])) == expected[k], asked[k]
+    # All of them are runs of one machine, made once.
+    assert [len(waiting) for waiting in system.runs.values()] == [1]
+
+
 def test_14_3_a_run_inside_of_another_has_arrays_of_its_own() -> None:
     system, inside = hunting(), []
     asked = {"x0": (0.1, 0.0, 0.0), "t_span": (0.0, 20.0), "max_events": 30}
@@ -148,6 +168,17 @@ def test_14_3_batches_in_lanes_know_nothing_of_one_another() -> None:
             assert all(np.array_equal(*pair) for pair in zip(numbers, now, strict=True))
     # Threads share a batch that waits like any other.
     assert np.array_equal(solve_many(system, starts[0], (0.0, 3.0), threads=2, lanes=1).x, found[0].x)
+
+
+def test_14_3_batches_of_any_size_share_the_scratch_of_lanes() -> None:
+    system, rng = hunting(), np.random.default_rng(5)
+    starts = rng.uniform(-1.0, 1.0, (200, 3))
+    whole = solve_many(system, starts, (0.0, 3.0), threads=1)
+    for count in (64, 150, 65, 200, 64):
+        part = solve_many(system, starts[:count], (0.0, 3.0), threads=1)
+        assert part.lanes > 1
+        for one, other in ((part.x, whole.x), (part.mode, whole.mode), (part.counts, whole.counts)):
+            assert np.array_equal(one, other[:count])
 
 
 def test_14_3_small_batches_know_nothing_of_one_another() -> None:
