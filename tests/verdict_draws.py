@@ -233,14 +233,23 @@ def draw(seed: int) -> Draw:
 # -- verdicts ----------------------------------------------------------------------------------------------
 
 
-def points(e: Equilibrium, rng: np.random.Generator) -> list[Array]:
+def points(e: Equilibrium, report: StabilityReport, rng: np.random.Generator) -> list[Array]:
     """The equilibrium; the middle and the ends of a set, within reach."""
     if isinstance(e, EquilibriumPoint):
         return [np.array(e.value)]
     low, high = np.clip(np.array(e.bounds).T, -2, 2)
-    # A part of a set off all surfaces says nothing of the points at its border with another part.
-    edge = 1e-3 if "0" in e.mode else 0.2
-    inner = [0.5, edge, 1 - edge] if e.dimension == 1 else rng.uniform(edge, 1 - edge, (3, e.dimension))
+    if e.dimension > 1:
+        edge = 1e-3 if "0" in e.mode else 0.2
+        shares = rng.uniform(edge, 1 - edge, (3, e.dimension))
+        return [_state(e, low + share * (high - low)) for share in shares]
+    others = [item.equilibrium for item in report.items if item.equilibrium != e]
+    ends = [end.value for other in others if isinstance(other, EquilibriumSet) for end in other.ends]
+    inner = [0.5]
+    for side, c in enumerate((low, high)):
+        # A part of a set off all surfaces says nothing of the points at its border with another part.
+        shared = any(np.allclose(end, _state(e, c)) for end in ends) and "0" not in e.mode
+        edge = 0.2 if shared else 1e-3
+        inner.append(1 - edge if side else edge)
     return [_state(e, low + share * (high - low)) for share in inner]
 
 
@@ -296,13 +305,14 @@ def _motions(
     a: Draw, report: StabilityReport, e: Equilibrium, said: str, rng: np.random.Generator
 ) -> tuple[str, str]:
     """(what the motions do, the same in numbers)."""
-    near, told = points(e, rng), ""
+    near, told = points(e, report, rng), ""
 
     def tried(r: float, length: float, dt: float) -> tuple[float, float, float]:
         x0 = np.array([near[k % len(near)] for k in range(STARTS)])
         x0 += r * rng.uniform(-1, 1, x0.shape)
         if a.floor is not None:
-            x0[:, 0] = np.abs(x0[:, 0])
+            # A fall from the height r reaches a speed of the order of r**(1/2): these reach that of r.
+            x0[:, 0] = r * np.abs(x0[:, 0])
         far = distance(e, report, a.follow(x0, length, dt)) / r
         middle, end = far[KEPT // 2 - LATE : KEPT // 2].max(axis=0), far[-LATE:].max(axis=0)
         return float(far.max()), float(end.max()), float(end.mean() / max(middle.mean(), 1e-300))

@@ -39,6 +39,8 @@ def bounds(expression: Expr) -> Interval | None:
         for part in known[1:]:
             total = _product(total, part)
         return total
+    if isinstance(e, sympy.sign):
+        return sympy.sign(known[0][0]), sympy.sign(known[0][1])
     if isinstance(e, sympy.Abs):
         low, high = known[0]
         return (sympy.S.Zero if bool(low <= 0 <= high) else min(abs(low), abs(high))), max(

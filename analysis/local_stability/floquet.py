@@ -21,6 +21,7 @@ from filippov.model.symbols import t as time
 Array = npt.NDArray[np.float64]
 CLEAR = 1e-6
 SAME_PERIOD, MOST_TURNS = 1e-10, 256
+PULSES = 512
 
 
 def floquet(
@@ -114,13 +115,18 @@ def monodromy(
     def brought(product: Array, t: float) -> Array:
         return product if back is None else np.array(back(t), dtype=float).reshape(n, n) @ product
 
+    # A square wave jumps within a step: none may pass over one of its pulses.
+    longest = clocks.period / PULSES if matrix.has(sympy.sign, sympy.Abs) else np.inf
     product, now = brought(np.eye(n), 0.0), 0.0
     # Instants at phase 0 come at the end of the period that they close.
     order = sorted((phase or clocks.period, k) for phase, k in clocks.instants)
     for phase, k in [*order, (clocks.period, -1)]:
         if phase > now:
             product = brought(product, now)
-            found = solve_ivp(rate, (now, phase), product.ravel(), method="DOP853", rtol=1e-11, atol=1e-13)
+            found = solve_ivp(
+                rate, (now, phase), product.ravel(), method="DOP853", rtol=1e-11, atol=1e-13,
+                max_step=longest,
+            )  # fmt: skip
             if not found.success:
                 return None
             product, now = found.y[:, -1].reshape(n, n), phase

@@ -1,4 +1,4 @@
-"""A segment of equilibria of a smooth mode, cut where the linear part across it changes its stability.
+"""A segment of equilibria, cut where the linear part across it changes its stability.
 
 Roots cross the axis where the last coefficient of the characteristic polynomial across the set vanishes (a
 root 0) or the last Hurwitz determinant but one does (an imaginary pair; Orlando's formula).
@@ -17,7 +17,7 @@ from filippov.analysis.local_stability.kink_stability import modes_beside, surfa
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.branches import short
 from filippov.analysis.steady.equilibrium import EquilibriumSet
-from filippov.analysis.steady.linearisation import characteristic_polynomial
+from filippov.analysis.steady.linearisation import characteristic_polynomial, linearise
 
 NEAR = 1e-9
 
@@ -26,7 +26,6 @@ def parts(context: Context, found: EquilibriumSet) -> tuple[EquilibriumSet, ...]
     """The set cut at the borders of stability; itself where there are none inside, or in higher dimension."""
     if found.dimension != 1:
         return (found,)
-    (c,) = found.free
     borders: list[Expr] = []
     # A set on a kink has the linear parts of all sides.
     for mode in modes_beside(context, found.mode, surfaces_at(context, found)).values():
@@ -36,6 +35,24 @@ def parts(context: Context, found: EquilibriumSet) -> tuple[EquilibriumSet, ...]
         if zeros < 1 or len(polynomial) < 2:
             return (found,)
         borders += [g for g in _borders(polynomial) if g not in borders]
+    return _cut(context, found, borders)
+
+
+def sliding_parts(context: Context, found: EquilibriumSet) -> tuple[EquilibriumSet, ...]:
+    """The same of a segment on one surface: also where the surface goes over from attracting to repelling."""
+    if found.dimension != 1 or found.mode.count("0") != 1 or surfaces_at(context, found):
+        return (found,)
+    sliding = linearise(context.system, found, values=context.put, sides=[]).sliding
+    if sliding is None or sliding.matrix is None:
+        return (found,)
+    polynomial = characteristic_polynomial(sliding.matrix)[:-1]
+    rest, _ = context.without_zeros(polynomial, len(polynomial))
+    return _cut(context, found, [sliding.normal[0, 0], *(_borders(rest) if len(rest) > 1 else ())])
+
+
+def _cut(context: Context, found: EquilibriumSet, borders: Sequence[Expr]) -> tuple[EquilibriumSet, ...]:
+    """A segment cut at the zeros of expressions in its coordinate."""
+    (c,) = found.free
     ((low, high),), ((first, last),) = found.bounds, found.domain
     marks: list[tuple[float, Expr]] = []
     for g in borders:

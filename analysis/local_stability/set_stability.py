@@ -37,6 +37,7 @@ from filippov.analysis.local_stability.stability_result import (
 from filippov.analysis.steady.branches import short
 from filippov.analysis.steady.drift_map import drift_map
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.steady.existence import at_rest
 from filippov.analysis.steady.linearisation import (
     SlipLinearisation,
     characteristic_polynomial,
@@ -47,7 +48,8 @@ from filippov.analysis.steady.rest_map import RestMap, growth, rest_map, thresho
 PAPER = "Hensen & van de Molengraft 2002, section 3"
 PROOF = "proved in filippov.analysis.steady.rest_map"
 FOLLOWED = "computed, see filippov.analysis.steady.drift_map"
-Sides = list[tuple[str, SlipLinearisation]]
+# Slip at some of the ends, by their numbers.
+Sides = list[tuple[int, SlipLinearisation]]
 EDGE = 1e-9
 # The error of a slope of the return map at an end.
 SAME = 1e-9
@@ -95,7 +97,10 @@ def set_stability(
     elif attracts != "unstable":
         statements.append(Statement(f"break-away from {k} surfaces at once is not decided by a linear part"))
     answer: Answer = "unstable" if "unstable" in {attracts, interior} else "undecided"
-    if answer == "undecided":
+    if answer == "undecided" and interior == "stable" and _endless(context, found):
+        answer = "asymptotically stable"
+        statements.append(Statement("nothing breaks away: its multiplier is within its bounds everywhere"))
+    elif answer == "undecided":
         answer = _worst([c.answer for c in cases if c.applies])
     routh = context.routh(rest)
     if context.hook is not None:
@@ -104,6 +109,27 @@ def set_stability(
     return EquilibriumStability(
         found, linear, polynomial, routh, drift, interior, cases, answer, tuple(statements)
     )
+
+
+def _endless(context: Context, found: EquilibriumSet) -> bool:
+    """Whether a line of equilibria has no end, and its multiplier is nowhere at a bound."""
+    if found.dimension != 1 or any(abs(b) < math.inf for b in found.bounds[0]):
+        return False
+    return not _at_bound(context, found, found.multipliers[0][1].subs(_inner_point(found)))
+
+
+def _at_bound(context: Context, found: EquilibriumPoint | EquilibriumSet, s: Expr) -> str:
+    """The side of the surface at which a multiplier is at its bound: "+", "-", or "" for inside."""
+    place = found.mode.index("0")
+    at = found.x if isinstance(found, EquilibriumPoint) else found.at(*_inner_point(found).values())
+    put = dict(zip(context.form.x, at, strict=True))
+    for side, limit in zip("-+", context.form.radius[place], strict=True):
+        if limit.is_infinite:
+            continue
+        apart = context.number(s - at_rest(limit.subs(put)))
+        if not abs(apart) > EDGE:
+            return side
+    return ""
 
 
 def _worst(answers: Sequence[Answer]) -> Answer:
@@ -190,7 +216,7 @@ def _slope_text(m: RestMap) -> str:
 
 
 class _Ends:
-    """Break-away at the two ends of a segment on one surface."""
+    """Break-away at the ends of a segment on one surface, or at the end of a half line."""
 
     def __init__(
         self,
@@ -204,31 +230,40 @@ class _Ends:
         self.found = found
         self.ends = ends
         self.n = len(found.x)
-        # The return map needs both ends, dimension 2 or 3, and the drift along the set that it describes.
-        closed = attracts and found.bounded and len(ends) == 2
-        self.mapped = closed and ((self.n == 3 and drifts) or self.n == 2)
-        self.followed = closed and self.n > 3 and drifts
         self.place = found.mode.index("0")
+        self.places = self._places()
+        # Where slip is expanded: at these ends, or, if there are none, at any point on both sides.
+        self.slips: list[tuple[str, EquilibriumPoint | EquilibriumSet]] = [*self.places]
+        if not self.places:
+            self.slips = [("+", found), ("-", found)]
+        # The return map needs all ends, dimension 2 or 3, and the drift along the set that it describes.
+        # Above dimension 2 it leads from one end to the other.
+        whole = attracts and len(self.places) == len(ends) and bool(ends)
+        opposite = {side for side, _ in self.places} == {"+", "-"}
+        self.mapped = whole and (self.n == 2 or (self.n == 3 and drifts and opposite))
+        self.followed = whole and self.n > 3 and drifts and opposite
+
+    def _places(self) -> list[tuple[str, EquilibriumPoint]]:
+        """The ends, each with the side to which slip starts; [] if one is missing or is none of slip."""
+        ends = sorted(self.ends, key=lambda e: -e.s_value[0])
+        places = [(_at_bound(self.context, e, e.multipliers[0][1]), e) for e in ends]
+        infinite = sum(abs(b) == math.inf for b in self.found.bounds[0])
+        missing = len(ends) + infinite != 2 and self.ends is self.found.ends
+        return [] if missing or any(not side for side, _ in places) else places
 
     def cases(self) -> tuple[SlipCase, ...]:
         """One case of the exponents after the other, sides with the same polynomial together."""
-        by_side = {side: self._linear(side) for side in "+-"}
+        linear = [self._linear(*place) for place in self.slips]
         out = []
-        for plus, minus in zip(by_side["+"], by_side["-"], strict=True):
+        for slips in zip(*linear, strict=True):
             self.context.clock.check()
-            same = self._polynomial(plus) == self._polynomial(minus)
-            both = [("+", plus), ("-", minus)]
-            out += [self._case(group, both) for group in ([both] if same else [[side] for side in both])]
+            every = list(enumerate(slips))
+            first, *others = (self._polynomial(slip) for slip in slips)
+            same = all(other == first for other in others)
+            out += [self._case(group, every) for group in ([every] if same else [[one] for one in every])]
         return tuple(out)
 
-    def _end(self, side: str) -> EquilibriumPoint | EquilibriumSet:
-        if len(self.ends) != 2:
-            return self.found
-        ends = sorted(self.ends, key=lambda e: e.s_value[0])
-        return ends[-1] if side == "+" else ends[0]
-
-    def _linear(self, side: str) -> tuple[SlipLinearisation, ...]:
-        end = self._end(side)
+    def _linear(self, side: str, end: EquilibriumPoint | EquilibriumSet) -> tuple[SlipLinearisation, ...]:
         mode = end.mode[: self.place] + side + end.mode[self.place + 1 :]
         return linearise(self.context.system, end, values=self.context.put, sides=[mode]).slip
 
@@ -243,12 +278,13 @@ class _Ends:
             abs(self.context.number(b)) < SMALL for b in slip.singular[1]
         )
 
-    def _outward(self, side: str, vector: Sequence[Expr], slip: SlipLinearisation) -> float:
-        """sigma grad h . vector at the end: positive where it points away from the surface."""
-        return self.context.number(self._normal(side, vector), dict(slip.case.put))
+    def _outward(self, k: int, vector: Sequence[Expr], slip: SlipLinearisation) -> float:
+        """sigma grad h . vector at an end: positive where it points away from the surface."""
+        return self.context.number(self._normal(k, vector), dict(slip.case.put))
 
-    def _normal(self, side: str, vector: Sequence[Expr]) -> Expr:
-        sliding = linearise(self.context.system, self._end(side), values=self.context.put, sides=[]).sliding
+    def _normal(self, k: int, vector: Sequence[Expr]) -> Expr:
+        side, end = self.slips[k]
+        sliding = linearise(self.context.system, end, values=self.context.put, sides=[]).sliding
         assert sliding is not None
         total = sum((c * v for c, v in zip(sliding.gradient, vector, strict=True)), sympy.S.Zero)
         return short(total if side == "+" else -total)
@@ -285,7 +321,7 @@ class _Ends:
             text = (
                 "the slip polynomial alone does not decide for the set here; the event map at its ends does"
             )
-            if not self.ends:
+            if not self.places:
                 text = (
                     "the set has no end at which slip starts, so the slip polynomial does not decide for it"
                 )
@@ -295,7 +331,7 @@ class _Ends:
         if slip.case.holds(context.values):
             statements += self._narrow(slip)
         return SlipCase(
-            tuple(side for side, _ in group),
+            tuple(dict.fromkeys(self.slips[k][0] for k, _ in group)),
             slip.condition,
             slip.case.holds(context.values),
             slip,
@@ -326,11 +362,12 @@ class _Ends:
 
     def _leaves(self, group: Sides) -> list[Statement]:
         """Why solutions leave the set from arbitrarily near, or [] where this is not so."""
-        if len(self.ends) != 2:
+        if not self.places:
             return []
-        for side, slip in group:
+        for k, slip in group:
+            side = self.slips[k][0]
             if slip.jump:
-                jump = self._outward(side, slip.jump, slip)
+                jump = self._outward(k, slip.jump, slip)
                 if jump > EDGE:
                     text = (
                         "the set at h = 0 is wider than the one-sided limits: at break-away dh/dt jumps from "
@@ -339,9 +376,9 @@ class _Ends:
                     )
                     return [Statement(text)]
             if slip.singular is not None and not self._vanishes(slip):
-                slope = self._outward(side, slip.singular[1], slip)
+                slope = self._outward(k, slip.singular[1], slip)
                 if slope > 0:
-                    e, formula = slip.singular[0], self._normal(side, slip.singular[1])
+                    e, formula = slip.singular[0], self._normal(k, slip.singular[1])
                     text = (
                         f"d|h|/dt contains C |h|**{e if e.is_Symbol else f'({e})'} with C = {formula} > 0 "
                         "and an exponent below 1: no linear part, and solutions that break away leave by a "
@@ -401,8 +438,9 @@ class _Ends:
     ) -> Callable[[float], tuple[RestMap, ...]]:
         """The same in dimension 4 and up; () where one of them is not decided."""
         fixed, free, rows = self._others(symbol, put), symbol or sympy.Dummy(), []
-        for side, slip in both:
-            end = linearise(self.context.system, self._end(side), values=self.context.put, sides=[]).sliding
+        for k, slip in both:
+            side, place = self.slips[k]
+            end = linearise(self.context.system, place, values=self.context.put, sides=[]).sliding
             if slip.matrix is None or end is None or end.matrix is None:
                 return lambda _: ()
             normal = sympy.Matrix(end.gradient).T * (1 if side == "+" else -1)

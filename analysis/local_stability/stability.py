@@ -17,7 +17,7 @@ from filippov.analysis.local_stability.certificates.certificate import Certifica
 from filippov.analysis.local_stability.certificates.decide import decided, first
 from filippov.analysis.local_stability.contact_stability import contact_stability, in_contact
 from filippov.analysis.local_stability.periodic_stability import with_time
-from filippov.analysis.local_stability.set_parts import parts
+from filippov.analysis.local_stability.set_parts import parts, sliding_parts
 from filippov.analysis.local_stability.set_stability import set_stability
 from filippov.analysis.local_stability.sliding_stability import sliding_stability
 from filippov.analysis.local_stability.smooth_stability import smooth_stability
@@ -28,9 +28,14 @@ from filippov.analysis.local_stability.stability_result import (
     StabilityResult,
 )
 from filippov.analysis.local_stability.stick_parts import joined
-from filippov.analysis.steady.equilibria import equilibria
+from filippov.analysis.steady.equilibria import equilibria, mode_signs
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Missing
 from filippov.analysis.steady.forcing import depends_on_time
+from filippov.analysis.steady.time_signs import (
+    modes_without,
+    with_time_surfaces,
+    without_time_surfaces,
+)
 from filippov.base.errors import ModelError
 from filippov.base.escape import markup
 from filippov.base.given import Positive
@@ -94,6 +99,10 @@ def stability_report(
 
     Raises ModelError for a system of plain functions or an unknown parameter.
     """
+    if t is None:
+        for mode in modes or ():
+            mode_signs(system, mode)
+        system, modes = without_time_surfaces(system), modes_without(system, modes)
     form = _expressions(system)
     clock = Clock(budget)
     p = system.parameters.resolve(parameters)
@@ -155,6 +164,10 @@ def _items(
     if "0" not in equilibrium.mode and isinstance(equilibrium, EquilibriumSet):
         pieces = parts(context, equilibrium)
         return [_whole(context, smooth_stability(context, part), t) for part in pieces]
+    if isinstance(equilibrium, EquilibriumSet):
+        pieces = sliding_parts(context, equilibrium)
+        if len(pieces) > 1:
+            return [_whole(context, _item(context, part, None), t) for part in pieces]
     return [_whole(context, _item(context, equilibrium, ends), t)]
 
 
@@ -171,6 +184,7 @@ def certify(
     source and the hypotheses that were checked. Raises ModelError for a system of plain functions or an
     unknown parameter, OutOfBudgetError.
     """
+    asked, system = system, without_time_surfaces(system)
     form = _expressions(system)
     p = system.parameters.resolve(parameters)
     values = {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
@@ -188,7 +202,8 @@ def certify(
             if smooth
             else _item(context, equilibrium, outer.get(id(equilibrium)))
         )
-        out.append((equilibrium, first(context, item, wide=True)))
+        named = equilibrium if asked is system else with_time_surfaces(asked, equilibrium, values)
+        out.append((named, first(context, item, wide=True)))
     return tuple(out)
 
 

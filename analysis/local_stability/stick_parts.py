@@ -36,7 +36,9 @@ def joined(
         outer = tuple(
             end for part, end in every if not any(other is not part and _meet(end, e) for other, e in every)
         )
-        out |= {id(part): outer for part in members}
+        infinite = sum(abs(b) == float("inf") for part in members for b in part.bounds[0])
+        if len(outer) + infinite == 2:
+            out |= {id(part): outer for part in members}
     return out
 
 

@@ -44,13 +44,17 @@ class UnsolvedError(Exception):
 
 @dataclass
 class Elimination:
-    """The unknowns, states before multipliers, which rather stay free; and the values of the parameters."""
+    """The unknowns, states before multipliers, which rather stay free; and the values of the parameters.
+
+    by_state  the states rather stay free where an equation is nonlinear in them and affine in a multiplier
+    """
 
     states: Sequence[Symbol]
     multipliers: Sequence[Symbol]
     values: Mapping[Symbol, Expr]
     clock: Clock
     numeric: bool = False
+    by_state: bool = False
     found: list[Family] = field(default_factory=list)
 
     @property
@@ -112,13 +116,16 @@ class Elimination:
                 self._step([factor, *rest[:k], *rest[k + 1 :]], known)
             return
         free = set().union(*(e.free_symbols for e in rest)) & set(self.unknowns)
-        if len(rest) < len(free) and self._nonlinear(rest, known, self.states):
-            return
+        if len(rest) < len(free):
+            if self.by_state and self._split(rest, known, self.multipliers):
+                return
+            if not self.by_state and self._nonlinear(rest, known, self.states):
+                return
         if self._eliminate(single, rest, known, states_only=False):
             return
         if self._nonlinear(rest, known, self.unknowns) or (self.numeric and self._pair(rest, known)):
             return
-        if not self._split(rest, known):
+        if not self._split(rest, known, self.unknowns):
             raise UnsolvedError
 
     def _eliminate(self, single: list[int], rest: list[Expr], known: Family, states_only: bool) -> bool:
@@ -184,9 +191,9 @@ class Elimination:
                 return True
         return False
 
-    def _split(self, rest: list[Expr], known: Family) -> bool:
+    def _split(self, rest: list[Expr], known: Family, unknowns: Sequence[Symbol]) -> bool:
         """c y + d = 0 with unknowns in both: c = d = 0, or y = -d/c."""
-        for unknown in self.unknowns:
+        for unknown in unknowns:
             for k, equation in enumerate(rest):
                 parts = _linear(equation, unknown)
                 if parts is not None:

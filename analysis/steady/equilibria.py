@@ -22,8 +22,15 @@ from filippov.analysis.steady.branches import DegenerateError, Elimination, Fami
 from filippov.analysis.steady.clocks import after, mover
 from filippov.analysis.steady.equilibria_numeric import NumericMode, numeric_equilibria
 from filippov.analysis.steady.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet, Missing
-from filippov.analysis.steady.existence import Existence, ModeProblem
+from filippov.analysis.steady.existence import FAR, Existence, ModeProblem
 from filippov.analysis.steady.stops import with_stops
+from filippov.analysis.steady.time_signs import (
+    SOON,
+    modes_without,
+    time_surfaces,
+    with_time_surfaces,
+    without_time_surfaces,
+)
 from filippov.base.errors import UsageError
 from filippov.base.given import Positive, interval
 from filippov.base.keywords import keywords
@@ -34,7 +41,6 @@ from filippov.model.system import System
 
 MOST_MODES = 243
 FORMULAS = 3.0  # seconds a mode, before it is searched numerically
-SOME_TIME = sympy.Rational(7313, 10000)
 
 
 @keywords()
@@ -62,6 +68,9 @@ def equilibria(
     """
     p = system.parameters.resolve(parameters)
     numbers = tuple(zip(system.parameters.names, p.tolist(), strict=True))
+    still = system if t is not None else without_time_surfaces(system)
+    if still is not system:
+        return _with_every_surface(system, still, parameters, modes, box, budget)
     clock = Clock(budget)
     ranges = _ranges(system, box)
     chosen, notes = _modes(system, modes)
@@ -93,6 +102,31 @@ def equilibria(
         numbers,
         tuple(notes),
     )
+
+
+def _with_every_surface(
+    system: System,
+    still: System,
+    parameters: Mapping[Any, float] | None,
+    modes: Sequence[str] | None,
+    box: Mapping[str, tuple[float, float]] | None,
+    budget: float,
+) -> Equilibria:
+    """The equilibria of a system without surfaces of the time alone, with the signs of these added."""
+    gone = time_surfaces(system)
+    for mode in modes or ():
+        mode_signs(system, mode)
+    left = modes_without(system, modes)
+    found = equilibria(still, parameters, modes=left, box=box, budget=budget)
+    names = [repr(system.surfaces[i].name) for i in gone]
+    rest = f"on either side of {', '.join(names)}, of the time alone: the mode shows one sign."
+
+    values = _numbers(system, system.parameters.resolve(parameters))
+    every = [with_time_surfaces(system, e, values) for e in found]
+    points = tuple(e for e in every if isinstance(e, EquilibriumPoint))
+    sets = tuple(e for e in every if isinstance(e, EquilibriumSet))
+    notes = (*found.notes, rest) if points or sets else found.notes
+    return Equilibria(points, sets, found.parameters, notes)
 
 
 def mode_signs(system: System, mode: str) -> tuple[int, ...]:
@@ -170,18 +204,24 @@ def _symbolic(
     # Without parameters there is nothing that formulas could keep.
     numeric = plain = not any(problem.has(q) for q in form.p)
     branches: list[Family] = []
-    for _ in range(len(form.p) + 2):
+    # A coefficient that is 0 at one time, such as 1 + sign(sin(t)), may divide at others.
+    times = [k * SOON for k in (1, 3, 5, 7, 11)]
+    for _ in range(len(form.p) + 2 + len(times)):
         current = problem.put(put)
         part = Clock(min(FORMULAS, clock.remaining() / 2))
-        search = Elimination(current.x, current.sliding, {**values, symbols.t: SOME_TIME}, part, numeric)
+        now = {**values, symbols.t: times[0]}
+        search = Elimination(current.x, current.sliding, now, part, numeric)
         try:
             branches = search.solve(current.equations)
             break
         except DegenerateError as error:
             names = {q: v for q, v in values.items() if error.expression.has(q)}
             zero = {q: v for q, v in names.items() if v == 0} or names
+            if error.expression.has(symbols.t) and len(times) > 1:
+                times.pop(0)
+                continue
             if error.expression.has(symbols.t) or not zero:
-                branches = []
+                notes.append(Missing(f"mode {mode!r} is not solved: {error.expression} is 0."))
                 break
             degenerate += tuple(f"{q} = {v}" for q, v in zero.items())
             put |= zero
@@ -202,10 +242,23 @@ def _symbolic(
             "Give t=... to freeze the system."
         )
     notes += _turns(current, still)
-    existence = Existence(current, {**values, **put}, degenerate)
+    box = dict(zip(form.x, ranges, strict=True))
+    existence = Existence(current, {**values, **put}, degenerate, ranges=box)
+    if any(existence.folded(branch) for branch in still):
+        part = Clock(min(FORMULAS, clock.remaining() / 2))
+        search = replace(search, by_state=True, clock=part)
+        try:
+            still = _apart(search.solve(current.equations))[0]
+        except (DegenerateError, UnsolvedError, OutOfBudgetError):
+            clock.check()
+            notes.append(Missing(f"mode {mode!r}: the borders of a set are those of its formula."))
     for branch in still:
         rounded = any(q.has(sympy.Float) for q in branch.values())
         held += replace(existence, exact=not numeric or (plain and not rounded)).of(branch)
+    for q in sorted(existence.searched, key=str):
+        low, high = box.get(q, (-FAR, FAR))
+        text = f"the borders of a set were searched numerically in {q} in [{low:g}, {high:g}]"
+        notes.append(Missing(f"mode {mode!r}: {text}; some may be missed."))
     return held, notes
 
 
@@ -245,7 +298,7 @@ def _held(problem: ModeProblem, branch: Family, values: Mapping[Symbol, Expr]) -
         low, high = (sympy.S(e).subs(values) for e in limits)
         if found is None or not (low.is_number and high.is_number and low < found[0] and found[1] < high):
             return []
-    now = {symbols.t: SOME_TIME}
+    now = {symbols.t: SOON}
     frozen = {q: e.subs(now) for q, e in branch.items()}
     point = Existence(problem.put(now), values).point(frozen)
     others = [b.g.subs(branch) for b in problem.bounds if b.surface not in problem.names]
@@ -327,19 +380,29 @@ def _without_doubles(
     """Leave out a point that is an end of a set, and what the two sides of a kink or a surface both have."""
     kept: list[EquilibriumPoint | EquilibriumSet] = []
     places: list[tuple[float, ...]] = []
+    half: list[EquilibriumPoint] = []
     formulas = set()
     numbers = _numbers(system, p)
     for e in found:
         if isinstance(e, EquilibriumSet) and (e.x, e.domain) not in formulas:
             formulas.add((e.x, e.domain))
-            places += [end.value for end in e.ends]
+            if e.bounded:
+                places += [end.value for end in e.ends]
+            half += () if e.bounded else e.ends
             kept.append(e)
     for e in found:
         if isinstance(e, EquilibriumPoint) and not any(_near(e.value, place) for place in places):
+            # A point that slides where a half line ends has a verdict of its own.
+            if any(_near(e.value, end.value) and _slides(e) == _slides(end) for end in half):
+                continue
             places.append(e.value)
             if not any(_inside(e, s, numbers) for s in kept if isinstance(s, EquilibriumSet)):
                 kept.append(e)
     return kept
+
+
+def _slides(point: EquilibriumPoint) -> list[bool]:
+    return [m == "0" for m in point.mode]
 
 
 def _inside(point: EquilibriumPoint, found: EquilibriumSet, numbers: Mapping[Symbol, Expr]) -> bool:

@@ -65,7 +65,7 @@ class EquilibriumSet:
     free         the symbols c: multipliers where possible, else states
     domain       (least, greatest) for each of `free`, in the parameters; -oo and oo where it is unbounded
     bounds       the domain at the parameter values
-    ends         end points (dimension 1) or corners (more) that exist
+    ends         end points (dimension 1), one of a half line, or corners (more) that exist
     conditions   inequalities in `free` and the parameters that bound the set
     exact, degenerate, behind   as for a point
     """

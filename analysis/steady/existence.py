@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 import sympy
+from scipy.optimize import brentq
 from sympy import Expr, Symbol
 
 from filippov.analysis.steady.branches import Family, short
@@ -17,6 +19,8 @@ from filippov.model.system import System
 
 TOLERANCE = 1e-9
 FAR = 1e6
+# Borders of a set that are taken in formulas, and the places that are looked at where there are none.
+MOST_ROOTS, SAMPLES = 20, 4001
 
 
 @dataclass(frozen=True)
@@ -147,12 +151,18 @@ def at_rest(expression: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class Existence:
-    """Turns branches of a mode problem into the points and sets that exist at the parameter values."""
+    """Turns branches of a mode problem into the points and sets that exist at the parameter values.
+
+    ranges    of each state, where the borders of a set are searched if they have no formula
+    searched  the states for which that was done
+    """
 
     problem: ModeProblem
     values: Mapping[Symbol, Expr]
     degenerate: tuple[str, ...] = ()
     exact: bool = True
+    ranges: Mapping[Symbol, tuple[float, float]] = field(default_factory=dict)
+    searched: set[Symbol] = field(default_factory=set)
 
     def of(self, branch: Family) -> list[EquilibriumPoint | EquilibriumSet]:
         """Return what of the branch exists."""
@@ -242,8 +252,10 @@ class Existence:
         problem = self.problem
         whole = {**{q: q for q in free}, **branch}
         ends = []
-        if all(not e.is_infinite for pair in domain for e in pair):
-            for corner in itertools.product(*domain):
+        # The end of a half line too; corners only of what is bounded.
+        corners = [pair for pair in itertools.product(*domain) if not any(e.is_infinite for e in pair)]
+        if len(free) == 1 or len(corners) == 2 ** len(free):
+            for corner in corners:
                 at = dict(zip(free, corner, strict=True))
                 place = {q: short(e.subs(at)) for q, e in whole.items()}
                 end = replace(self, problem=self._closed()).point(place)
@@ -299,15 +311,33 @@ class Existence:
             c1, c0 = sympy.Poly(g, c).all_coeffs()
             formulas = [short(-c0 / c1)]
         else:
-            try:
-                formulas = list(sympy.solveset(g.subs(self.values), c, sympy.Interval(-FAR, FAR)))[:20]
-            except (TypeError, NotImplementedError, ValueError):
-                formulas = []
+            formulas = self._solved(g.subs(self.values), c)
         for formula in formulas:
             number = self.number(formula)
             if number is not None:
                 found.append((number, formula))
         return found
+
+    def _solved(self, g: Expr, c: Symbol) -> list[Expr]:
+        """The zeros of g(c) in formulas; where there are none, those found by sampling the range of c."""
+        try:
+            found = list(itertools.islice(sympy.solveset(g, c, sympy.Interval(-FAR, FAR)), MOST_ROOTS + 1))
+        except (TypeError, NotImplementedError, ValueError):
+            found = []
+        else:
+            if len(found) <= MOST_ROOTS:
+                return found
+        self.searched.add(c)
+        at = sympy.lambdify(c, g, "numpy")
+        places = np.linspace(*self.ranges.get(c, (-FAR, FAR)), SAMPLES)
+        with np.errstate(all="ignore"):
+            values = np.array([complex(at(x)) for x in places])
+        real = np.isfinite(values) & (values.imag == 0)
+        turns = real[:-1] & real[1:] & (np.sign(values.real[:-1]) != np.sign(values.real[1:]))
+        return [
+            sympy.Float(brentq(lambda x: float(at(x)), places[k], places[k + 1], xtol=1e-14), 17)
+            for k in np.flatnonzero(turns)
+        ]
 
     def _box(self, q: Symbol, bounds: list[Bound]) -> tuple[Expr, Expr]:
         """The limits of one of several free symbols that hold it alone."""
@@ -319,6 +349,22 @@ class Existence:
             elif bound.g.diff(q) == -1 and not (bound.g + q).has(*self.problem.x, *self.problem.sliding):
                 high = q + bound.g
         return low, high
+
+    def folded(self, branch: Family) -> bool:
+        """Whether a multiplier does not tell the states of the branch apart, or they run off as it changes.
+
+        x turns back where a root stops being real: what ends there is the formula, not the set.
+        """
+        free = [q for q in (*self.problem.x, *self.problem.sliding) if q not in branch]
+        if len(free) != 1 or free[0] not in self.problem.sliding:
+            return False
+        states = [branch[q] for q in self.problem.x]
+        if any(sympy.fraction(sympy.together(e))[1].has(free[0]) for e in states):
+            return True
+        turns = real_where(states)
+        edges = [edge for found in self._sets(branch, (free[0],)) for edge in found.domain[0] if turns]
+        numbers = [self.number(g.subs(free[0], e)) for e in edges if not e.is_infinite for g in turns]
+        return any(g is not None and abs(g) <= TOLERANCE for g in numbers)
 
     def number(self, expression: Any) -> float | None:
         """The expression at the parameter values, None where it is not a finite real number."""
