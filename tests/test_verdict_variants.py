@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from verdict_draws import Draw, draw
 
-from filippov import Piecewise, System, sign, states
+from filippov import Abs, Piecewise, Surface, System, sign, states
 from filippov.analysis.local_stability.stability import stability_report
 from filippov.analysis.steady.equilibrium import EquilibriumSet
 
@@ -56,3 +56,20 @@ def test_a_mass_in_any_unit_of_its_speed(c: int) -> None:
     dead = Piecewise((x - 1, x > 1), (x + 1, x < -1), (0, True))
     items = stability_report(System({x: c * v, v: -c * dead})).items
     assert [item.answer for item in items if len(getattr(item.equilibrium, "ends", ())) == 2] == ["stable"]
+
+
+@pytest.mark.parametrize("c", [-1, -3, 2])
+def test_the_energy_of_a_mass_in_any_unit_and_sense_of_its_speed(c: int) -> None:
+    """x' = c v: the verdicts are those of x'' = F(x, x')."""
+    x, v = states("x v")
+    forces = {
+        -x - v**3: "asymptotically stable", -x + v**3: "unstable", -(x**3): "stable",
+        -sign(x) - v: "asymptotically stable", -sign(x) + v / 10: "unstable",
+        -x - v * Abs(v): "asymptotically stable",
+    }  # fmt: skip
+    for force, answer in forces.items():
+        (item,) = stability_report(System({x: c * v, v: force.subs(v, c * v) / c})).items
+        assert item.answer == answer, force
+    clegg = Surface("zero", x, reset={v: 0}, side="both")
+    (item,) = stability_report(System({x: c * v, v: -x / c}, surfaces=[clegg])).items
+    assert item.answer == "asymptotically stable"

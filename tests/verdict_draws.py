@@ -233,7 +233,7 @@ def draw(seed: int) -> Draw:
 # -- verdicts ----------------------------------------------------------------------------------------------
 
 
-def points(e: Equilibrium, report: StabilityReport, rng: np.random.Generator) -> list[Array]:
+def points(e: Equilibrium, report: StabilityReport, said: str, rng: np.random.Generator) -> list[Array]:
     """The equilibrium; the middle and the ends of a set, within reach."""
     if isinstance(e, EquilibriumPoint):
         return [np.array(e.value)]
@@ -246,8 +246,8 @@ def points(e: Equilibrium, report: StabilityReport, rng: np.random.Generator) ->
     ends = [end.value for other in others if isinstance(other, EquilibriumSet) for end in other.ends]
     inner = [0.5]
     for side, c in enumerate((low, high)):
-        # A part of a set off all surfaces says nothing of the points at its border with another part.
-        shared = any(np.allclose(end, _state(e, c)) for end in ends) and "0" not in e.mode
+        # What holds of a part of a set off all surfaces need not hold where it borders on another part.
+        shared = said != UN and any(np.allclose(end, _state(e, c)) for end in ends) and "0" not in e.mode
         edge = 0.2 if shared else 1e-3
         inner.append(1 - edge if side else edge)
     return [_state(e, low + share * (high - low)) for share in inner]
@@ -305,7 +305,7 @@ def _motions(
     a: Draw, report: StabilityReport, e: Equilibrium, said: str, rng: np.random.Generator
 ) -> tuple[str, str]:
     """(what the motions do, the same in numbers)."""
-    near, told = points(e, report, rng), ""
+    near, told = points(e, report, said, rng), ""
 
     def tried(r: float, length: float, dt: float) -> tuple[float, float, float]:
         x0 = np.array([near[k % len(near)] for k in range(STARTS)])

@@ -14,7 +14,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
-from filippov.model.symbolic import SymbolicForm, convex
+from filippov.model.symbolic import Contact, SymbolicForm, convex
 from filippov.model.symbols import t as time
 from filippov.model.system import System
 
@@ -53,20 +53,17 @@ def without_time_surfaces(system: System) -> System:
     def rows(given: tuple[tuple[Expr, ...] | None, ...]) -> tuple[tuple[Expr, ...] | None, ...]:
         return tuple(None if row is None else tuple(map(written, row)) for row in given)
 
-    contact = tuple(
-        None
-        if form.contact[i] is None
-        else replace(
-            form.contact[i], rate=written(form.contact[i].rate),
-            direction=tuple(map(written, form.contact[i].direction)),
-        )
-        for i in kept
-    ) if form.contact else ()  # fmt: skip
+    def pushed(contact: Contact | None) -> Contact | None:
+        if contact is None:
+            return None
+        return replace(contact, rate=written(contact.rate), direction=tuple(map(written, contact.direction)))
+
     moved = SymbolicForm(
         form.x, form.p, tuple(form.s[i] for i in kept), tuple(form.a[i] for i in kept),
         tuple(map(written, form.field)), tuple(written(form.h[i]) for i in kept),
         tuple((written(form.radius[i][0]), written(form.radius[i][1])) for i in kept),
-        rows(tuple(form.reset[i] for i in kept)) if form.reset else (), contact, rows(form.time_reset),
+        rows(tuple(form.reset[i] for i in kept)) if form.reset else (),
+        tuple(pushed(form.contact[i]) for i in kept) if form.contact else (), rows(form.time_reset),
         tuple(form.widths[i] for i in kept) if form.widths else (),
         tuple(form.held[i] for i in kept) if form.held else (),
     )  # fmt: skip

@@ -12,6 +12,7 @@ from filippov.analysis.local_stability.certificates.certificate import Certifica
 from filippov.analysis.local_stability.certificates.clocked import clocked
 from filippov.analysis.local_stability.certificates.cones import cones
 from filippov.analysis.local_stability.certificates.energy import energy
+from filippov.analysis.local_stability.certificates.even_terms import even_terms
 from filippov.analysis.local_stability.certificates.feedbacks import feedbacks
 from filippov.analysis.local_stability.certificates.held_sets import held_sets
 from filippov.analysis.local_stability.certificates.line import line
@@ -31,7 +32,7 @@ from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.forcing import depends_on_time
 
 POINTS: Sequence[Callable[[Local], Certificate | None]] = (
-    line, planar, energy, centre, relay_order, relays, cones, quadratic, resets,
+    line, planar, energy, even_terms, centre, relay_order, relays, cones, quadratic, resets,
 )  # fmt: skip
 
 

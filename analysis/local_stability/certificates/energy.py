@@ -9,6 +9,8 @@ that vanishes keeps V.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
+from dataclasses import replace
 
 import sympy
 from sympy import Expr, Symbol
@@ -29,9 +31,27 @@ def energy(found: Local) -> Certificate | None:
         return None
     for q, v in (found.x, found.x[::-1]):
         i, j = found.x.index(q), found.x.index(v)
-        if all(sympy.expand(f[i] - v) == 0 for f in found.fields.values()):
-            return _one(found, q, v, j)
+        rates = {sympy.expand(f[i]) for f in found.fields.values()}
+        c = sympy.expand(rates.pop() / v)
+        if not rates and c.is_number and c.is_real and c != 0:
+            return _one(found if c == 1 else _in_speed(found, j, c), q, v, j)
     return None
+
+
+def _in_speed(found: Local, j: int, c: Expr) -> Local:
+    """The same with the speed q' = c v in the place of v, whatever its sense and unit."""
+    put = {found.x[j]: found.x[j] / c}
+
+    def row(given: Sequence[Expr]) -> tuple[Expr, ...]:
+        moved = [sympy.S(e).subs(put) for e in given]
+        return tuple(c * e if k == j else e for k, e in enumerate(moved))
+
+    return replace(
+        found,
+        fields={signs: row(f) for signs, f in found.fields.items()},
+        h=tuple(h.subs(put) for h in found.h),
+        resets={k: row(after) for k, after in found.resets.items()},
+    )
 
 
 def _one(found: Local, q: Symbol, v: Symbol, j: int) -> Certificate | None:
