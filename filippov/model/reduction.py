@@ -64,8 +64,8 @@ class Reduction:
 
     @property
     def order(self) -> int:
-        """The highest order of sliding."""
-        return max(self.orders)
+        """The highest order of sliding; 1 along kinks alone."""
+        return max(self.orders, default=1)
 
     def projected(self, time: float, x: Array, values: Mapping[Symbol, float]) -> Array:
         """A state close by at which every constraint holds (Gauss-Newton).
@@ -163,13 +163,18 @@ def _reduction(
     rows, constraints, orders = found
     for k in kinks:
         phi = sympy.expand(form.h[k].xreplace(gone))
-        if _implied(phi, constraints, form.x, at):
+        if constraints and _implied(phi, constraints, form.x, at):
             continue
         rate, effects = _rate(phi, tuple(form.x), tuple(field), signs)
-        if any(effects) or not _implied(rate, constraints, form.x, at):
+        if any(effects) or not _implied(rate, constraints if zero else (*constraints, phi), form.x, at):
             return f"the solution on the surfaces leaves {_name(form, k)}"
+        if not zero and rate.free_symbols - {t, *form.x, *form.p}:
+            return f"the rate of {_name(form, k)} depends on other signs or sizes"
         # It stays where it is.
         constraints = (*constraints, phi)
+    if not zero:
+        reduced = _system(system, zero, kinks, sides, (), ())
+        return Reduction(reduced, zero, kinks, sides, (), (), (), constraints, _distances(form, signs))
     # What acts only on the other side of a kink is as idle as the kink.
     idle = {i for k, i in enumerate(zero) if not any(e[k] for _, e in rows.values())}
     if idle and len(idle) < len(zero):

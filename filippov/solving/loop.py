@@ -433,8 +433,9 @@ class _Loop(Settling):
         self, chosen: Successor, before: Mode, triggered: Sequence[int], note: str, start: bool,
         jump: Jump | None = None,
     ) -> tuple[Status, str] | None:  # fmt: skip
-        run = self.run
-        run.put(chosen.mode, chosen.order, chosen.multipliers, chosen.along)
+        run, begun = self.run, self.higher.along(chosen)
+        if not isinstance(begun, Begun):
+            run.put(chosen.mode, chosen.order, chosen.multipliers, chosen.along)
         if "observer" in run.machine.roles:
             observe(run, watched(run, sorted({*triggered, *self._near()})))
         if any(a == 0 != b for a, b in zip(before, chosen.mode, strict=True)):

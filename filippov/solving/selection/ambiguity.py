@@ -34,10 +34,11 @@ class Ambiguity:
 
     t           time
     name        "repelling sliding", "visible two-fold", "invisible two-fold", "visible-invisible two-fold",
-                "visible tangency", "sliding or slip", "ambiguous corner" or "spiral out of a corner": a
-                solution that circles the corner leaves it in infinitely many crossings, and is not among the
-                candidates; backwards in time "before a reset", without candidates: the state from which the
-                reset led here is not determined
+                "visible tangency", "sliding or slip", "ambiguous corner", "departure where the field is not
+                Lipschitz", or "spiral out of a corner": a solution that circles the corner leaves it in
+                infinitely many crossings, and is not among the candidates; backwards in
+                time "before a reset", without candidates: the state from which the reset led here is not
+                determined
     candidates  every consistent next mode
     before      the mode in which the point was reached
     triggered   numbers of the surfaces that were reached there (`hit`: its earlier name)
@@ -161,7 +162,7 @@ def guard_rows_of(surface: int, rows: Array) -> Array:
 def _touching(candidates: Sequence[Successor], before: Mode, triggered: Sequence[int]) -> Successor | None:
     """A surface only touched: the solution goes on where it was, if the other side does not lead away."""
     off = [i for i in triggered if before[i] != 0]
-    parted = any(c.mode[i] == -before[i] and c.order[i] == 1 for c in candidates for i in off)
+    parted = any(c.mode[i] == -before[i] and c.order[i] in (1, -1) for c in candidates for i in off)
     if not off or len(off) < len(triggered) or parted:
         return None
     same = [c for c in candidates if all(c.mode[i] == before[i] for i in off)]
@@ -190,7 +191,9 @@ def picked(
         by_rank = [[c for c in candidates if mode_text(c.mode) == mode] for mode in policy]
         fitting = next((some for some in by_rank if some), [])
     else:
-        counts = [sum(v == 0 for v in c.mode) for c in candidates]
+        # What leaves a kink at a place where the solution may stay holds one less.
+        left = [any(v != 0 and k == -1 for v, k in zip(c.mode, c.order, strict=True)) for c in candidates]
+        counts = [sum(v == 0 for v in c.mode) - gone for c, gone in zip(candidates, left, strict=True)]
         wanted = max(counts) if policy == "stick" else min(counts)
         fitting = [c for c, n in zip(candidates, counts, strict=True) if n == wanted]
     return fitting[0] if len(fitting) == 1 else None

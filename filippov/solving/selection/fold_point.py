@@ -22,6 +22,7 @@ from filippov.kernel.tables import codes
 from filippov.solving.selection.ambiguity import name_point, point_of
 from filippov.solving.selection.candidate import inside
 from filippov.solving.selection.corner import can_slide
+from filippov.solving.selection.departure import NON_LIPSCHITZ, departures, leave, straight
 from filippov.solving.selection.modes import Successor, successors
 from filippov.solving.selection.slide_again import Way, slide_again
 from filippov.solving.selection.two_fold import (
@@ -67,9 +68,12 @@ def followers(
     """
     _back_to_tangency(run, triggered)
     point = point_of(run)
-    if (found := _at_fold(run, point, base, reached, triggered, behind=False)) is not None:
-        return found
-    name, candidates = name_point(point, reached, successors(point, base, reached, triggered))
+    if (fold := _at_fold(run, point, base, reached, triggered, behind=False)) is not None:
+        return fold
+    found = successors(point, base, reached, triggered)
+    if left := departures(run, point, base, reached, found):
+        return NON_LIPSCHITZ if len(left) > 1 else "", left, point_of(run)
+    name, candidates = name_point(point, reached, found)
     # A step that went past a two-fold ends where nothing follows.
     lost = None if candidates else _at_fold(run, point, base, reached, triggered, behind=True)
     return (name, candidates, point) if lost is None else lost
@@ -296,25 +300,20 @@ def _go_to(run: Run, t: float, x: Array) -> None:
     end = float(run.clock.t_end)
     t = min(t, end) if run.direction > 0 else max(t, end)
     if (t - run.t) * run.direction > 0.0:
-        _bridge(run, t, x, np.zeros(len(x)))
+        straight(run, t, x, np.zeros(len(x)))
     else:
         run.cut(t)
     run.clock.t = t
     run.x[:] = x
 
 
-def _bridge(run: Run, t: float, x: Array, bend: Array) -> None:
-    """The dense output over a moment: a straight line to x, and a bend."""
-    if run.options.dense_output and t != run.t:
-        coef = np.zeros((1, *run.coef.shape[1:]))
-        coef[0, 0], coef[0, 1], coef[0, 2] = run.x, x - run.x - bend, bend
-        run.steps.append((np.array([[run.t, t - run.t]]), coef))
-
-
 def depart(run: Run, chosen: Successor) -> None:
-    """Follow what was chosen at a two-fold for a first moment, where multipliers are 0 over 0 to rounding."""
+    """Follow what was chosen for a first moment, where the rates are 0: at a two-fold, or off a kink."""
     for i, (sign, order) in enumerate(zip(chosen.mode, chosen.order, strict=True)):
-        if abs(order) == 3 if sign == 0 else order < 0:
+        if run.machine.roles[i] == "kink":
+            if order < 0:
+                leave(run, point_of(run), chosen, i)
+        elif abs(order) == 3 if sign == 0 else order < 0:
             _depart(run, chosen, i)
 
 
@@ -347,9 +346,7 @@ def _depart(run: Run, chosen: Successor, i: int) -> None:
         return
     bend = 0.5 * (moment * run.direction * velocity - first)
     x = on_surface(point, chosen.mode, i, t, run.x + first + bend)
-    _bridge(run, t, x, bend)
-    run.clock.t = t
-    run.x[:] = x
+    straight(run, t, x, bend)
     run.taken = t, x
     if chosen.mode[i] == 0:
         run.lam[:] = multipliers

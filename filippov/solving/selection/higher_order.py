@@ -240,6 +240,18 @@ class HigherOrder:
             return "the signs act on the rates"
         return self.begin(resting, self._slack(), mode)
 
+    def along(self, chosen: Successor) -> Begun | str:
+        """Begin to run along kinks on which a field that is not Lipschitz holds a solution, or lets it stay.
+
+        There rounding of h is no rounding of its rate any more: the field is taken with |h| = 0.
+        """
+        kinks = {i for i in chosen.along if self.plain.roles[i] == "kink"}
+        mode = np.array(chosen.mode, dtype=float)
+        if not kinks or self.active is not None or np.any(mode == 0.0):
+            return "it runs along no kink alone"
+        found, x = self._reduced(mode, set(), kinks)
+        return found if isinstance(found, str) else self._taken(found, mode, x, self._slack())
+
     # -- arrival ---------------------------------------------------------------------------------------
 
     def arrives(self, i: int) -> Begun | str:

@@ -46,13 +46,15 @@ class Successor:
     """A consistent next mode.
 
     order         how often each guard reached vanishes along the solution; for sliding 2 where the multiplier
-                  starts at an end of its set, 3 at a two-fold, and negative (-1, -2, -3) where it repels
+                  starts at an end of its set, 3 at a two-fold, and negative (-1, -2, -3) where it repels;
+                  -1 for a kink that is left where the field is not Lipschitz
     multipliers   value of the sign of every sliding surface (0 elsewhere)
     field         the field of the mode at the point
     margin        least rate, on its own scale, by which the mode is consistent; 0 for a tangential one
     undetermined  surfaces whose multiplier is one of many that give this solution
     faint         surfaces that are left by no more than rounding of their rate
-    along         surfaces off which the solution does not slide, and on which others hold it
+    along         surfaces off which the solution does not slide, and on which others hold it; kinks on which
+                  the field does
     """
 
     mode: Mode
@@ -66,7 +68,9 @@ class Successor:
 
     def __str__(self) -> str:
         sliding = [f"{v:.6g}" for v, m in zip(self.multipliers, self.mode, strict=True) if m == 0]
-        return mode_text(self.mode) + (f" (multipliers {', '.join(sliding)})" if sliding else "")
+        leaves = any(m != 0 and k == -1 for m, k in zip(self.mode, self.order, strict=True))
+        text = mode_text(self.mode) + (" (leaves)" if leaves else "")
+        return text + (f" (multipliers {', '.join(sliding)})" if sliding else "")
 
 
 def successors(
