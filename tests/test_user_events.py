@@ -237,6 +237,17 @@ def test_what_is_watched_changes_nothing(name: str, max_step: float) -> None:
         assert len([e for e in run.events if e.index == 0]) == 2
 
 
+def test_guards_of_time_that_touch_0_are_seen_wherever_that_is() -> None:
+    """Also at a node of the samples, where the guard is 0 to the last digit, and in any unit."""
+    rng = np.random.default_rng(0)
+    for k in range(40):
+        at = float(rng.choice([1.0, rng.integers(1, 32) / 16, rng.uniform(0.05, 1.95)]))
+        size, power = 10 ** rng.uniform(-6, 6), 2 + 2 * (k % 2)
+        run = solve(System({x: 0 * x}), (1,), (0, 2), events=size * (t - at) ** power)
+        assert [e.kind for e in run.events] == ["grazing"], (size, at, power)
+        assert run.events[0].t == pytest.approx(at, abs=1e-6 if power == 2 else 1e-2)
+
+
 @pytest.mark.parametrize("power", [2, 3, 4, 5])
 @pytest.mark.parametrize("side", [1, -1])
 def test_multiple_roots_of_time(power: int, side: int) -> None:

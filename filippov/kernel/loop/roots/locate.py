@@ -255,7 +255,8 @@ def row_root(
         # A dip below 0 no deeper than rounding is a tangency, not two crossings.
         if stands_still(low, high, allowed, step, i, w):
             return NO_ROOT, 2.0, degree
-        touch += dip if w.grazed[i] == 0.0 and ROLE[i] != KINK and WIDTH[i] == 0.0 else 0.0
+        # So is a least value above 0 by no more than that: a guard of time has no other tolerance.
+        touch += 2.0 * dip if w.grazed[i] == 0.0 and ROLE[i] != KINK and WIDTH[i] == 0.0 else 0.0
         allowed += dip
         # Except for a root at the very end of a clear descent.
         at_end = c[DEGREE] <= 0.0 and c[DEGREE - 1] > 2.0 * dip
