@@ -16,6 +16,7 @@ from filippov.kernel.tables import codes
 from filippov.model.user_event import UserEvent
 from filippov.solving.diagnosis import close_call, no_mode, suspect
 from filippov.solving.finished import Course, finished
+from filippov.solving.instant import reached_at_once
 from filippov.solving.patience import Patience
 from filippov.solving.resets.jumps import (
     pending,
@@ -209,6 +210,8 @@ class _Loop(Settling):
             return self._zeno()
         if self._arrived():
             return self._budgets()
+        if code == codes.MIN_STEP and reached_at_once(run):
+            return self._general()
         if code == codes.MIN_STEP and (drawn := funnelled(run) or funnelled(run, behind=True)):
             return self._classify(drawn, drawn, start=False) or self._budgets()
         failures = {codes.NOT_FINITE: Status.NOT_FINITE, codes.MIN_STEP: Status.MIN_STEP}

@@ -8,6 +8,7 @@ from filippov.kernel.loop.control import (
     guard_state,
     guards_on,
     is_non_lipschitz,
+    least_step,
     mark_grazed,
 )
 from filippov.kernel.loop.field import field, set_mode
@@ -146,4 +147,5 @@ def open_segment(run: Trajectory) -> int:
         order[surface] = 0
         clock.trend = 1e-300
         return AGAIN
-    return GO_ON if clock.step > 0.0 else first_length(run)
+    # The step of a segment that ended in less time than t can tell apart says nothing of the next one.
+    return GO_ON if clock.step > least_step(t, clock.t_start, clock.t_end) else first_length(run)

@@ -77,5 +77,8 @@ def rates_at(run: Run, x: Array, mode: Array, before: Rates | None = None) -> Ra
         if machine.system.field is not None:
             rate_noise[contacts] += DIFFERENCES * terms[contacts]
     if before is not None:
-        h_noise, rate_noise = np.fmax(h_noise, before.h_noise), np.fmax(rate_noise, before.rate_noise)
+        # Of a surface that the jump has clearly led away from the noise of where it was says nothing.
+        moved = np.abs(h - before.h)
+        left = np.where(moved > h_noise, np.fmin(before.h_noise, 0.5 * moved), before.h_noise)
+        h_noise, rate_noise = np.fmax(h_noise, left), np.fmax(rate_noise, before.rate_noise)
     return Rates(h, run.direction * (finite @ field + gt), h_noise, rate_noise)
