@@ -122,7 +122,6 @@ def test_11_terminal_sliding_is_left_where_the_load_outgrows_the_control() -> No
 
 
 def test_11_nonsingular_terminal_sliding_likewise() -> None:
-    """Two of these rest at the origin until the load is as large as the control, and end there by name."""
-    found = np.array([miss(seed, nonsingular=True) for seed in range(48)])
-    assert np.max(found[np.isfinite(found)]) < 1e-5
-    assert np.count_nonzero(np.isinf(found)) <= 2
+    """62 and 92 rest at the origin until the load is as large as the control, and leave three surfaces."""
+    for seed in (*range(48), 62, 92):
+        assert miss(seed, nonsingular=True) < 1e-5, seed

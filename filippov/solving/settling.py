@@ -31,7 +31,9 @@ from filippov.solving.resets.zeno import (
     sentence,
     with_approached,
 )
-from filippov.solving.selection.higher_order import Begun, HigherOrder
+from filippov.solving.selection.ambiguity import point_of
+from filippov.solving.selection.higher_order import Begun, HigherOrder, Left
+from filippov.solving.selection.modes import successors
 from filippov.solving.selection.observed import observe, watched
 from filippov.solving.state.change import Jump
 from filippov.solving.state.events import Mode
@@ -282,6 +284,8 @@ class Settling(ABC):
             return self._classify(sorted(others), triggered, start=False)
         before = run.signs
         higher.suspend()
+        if found.kinks:
+            left = self._with_kinks(left, sorted({*found.zero, *found.kinks}))
         run.put(left.mode, left.order, tuple(run.lam.tolist()))
         run.clock.step = 0.0
         ended = self._changed(before, left.mode, run.lam, triggered, "")
@@ -291,3 +295,10 @@ class Settling(ABC):
             if isinstance(again, str):
                 ended = self._classify(left.remaining, (), start=False)
         return ended
+
+    def _with_kinks(self, left: Left, held: Sequence[int]) -> Left:
+        """The kinks that were held leave with the surfaces slid on, each to its side, if one mode does so."""
+        free = [i for i in held if left.mode[i] != 0]
+        found = successors(point_of(self.run), left.mode, held)
+        off = [c for c in found if all(c.mode[i] != 0 < c.order[i] for i in free)]
+        return replace(left, mode=off[0].mode, order=off[0].order) if len(off) == 1 else left
