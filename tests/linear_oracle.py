@@ -211,13 +211,14 @@ def first_zero(
             if value[i] < 0 and not (previous == 0.0 and i == skip and past[i] < 1e-9)
         ]
         if falls:
+            # A value of the grid that is 0 to rounding may have another sign by itself.
+            starts, ends = f(previous), f(time)
+            if any(past[i] <= 0 or starts[i] <= 0 or ends[i] >= 0 for i in falls):
+                raise NotGenericError
             roots = [
                 (brentq(lambda u, i=i: f(u)[i], previous, time, xtol=1e-15, rtol=1e-14), i)
                 for i in falls
-                if past[i] > 0
             ]
-            if len(roots) < len(falls):
-                raise NotGenericError
             roots.sort()
             if len(roots) > 1 and roots[1][0] - roots[0][0] < 1e-6:
                 raise NotGenericError
