@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import sympy
 
-from filippov import Status, System, parameters, sign, solve, solve_many, sqrt, states, t
+from filippov import Status, System, TimeEvent, parameters, sign, solve, solve_many, sqrt, states, t
 
 X, Y = states("x y")
 POWERS = (sympy.Rational(1, 3), sympy.Rational(1, 2), sympy.Rational(2, 3), sympy.Rational(3, 4))
@@ -100,3 +100,30 @@ def test_11_a_drift_across_is_unique() -> None:
     run = solve(System({X: t + abs(X) ** sympy.Rational(2, 3)}), (0,), (0, 1), rtol=1e-10)
     assert run.success, run.message
     assert run.x_end[0] > 0.5
+
+
+@pytest.mark.parametrize("x0", [0.0, 0.3, -0.4])
+@pytest.mark.parametrize("drift", [0, 1])
+def test_11_a_kick_off_a_kink_is_not_lost(x0: float, drift: int) -> None:
+    """From 1/2 off the surface |h|^(1/2) falls by 1 in a time of 1; a run that moves may end by name."""
+    h = X - drift * t
+    kick = TimeEvent("kick", times=[2], reset={X: X + sympy.Rational(1, 2)})
+    kicked = System({X: drift - 2 * sqrt(abs(h)) * sign(h), Y: -Y}, time_events=[kick])
+    run = solve(kicked, (x0, 1), (0, 2.3))
+    lanes = solve_many(kicked, [(x0, 1)] * 8, (0, 2.3), lanes=8)
+    assert run.success or (drift and run.status is Status.NO_CONTINUATION)
+    expected = drift * 2.3 + (0.5**0.5 - 0.3) ** 2
+    for status, x in ((run.status, run.x_end), *zip(lanes.status, lanes.x, strict=True)):
+        assert status is not Status.SUCCESS or x[0] == pytest.approx(expected, abs=1e-7)
+
+
+def test_11_what_holds_on_a_moving_kink_lets_go_where_a_sign_elsewhere_says_so() -> None:
+    """x' = r' - |x - r|^(1/2) sgn(x - r) + (1 + sgn y)/2 with y = t - 2: x = r until then."""
+    for rate in (0, 1):
+        pull = -sqrt(abs(X - rate * t)) * sign(X - rate * t)
+        run = solve(System({X: rate + pull + (1 + sign(Y)) / 2, Y: 1}), (0.25, -2), (0, 2.5))
+        assert run.success or (rate and run.status is Status.NO_CONTINUATION)
+        if run.success:
+            # h' = 1 - sqrt(h) from 0: t = -2 (sqrt(h) + log(1 - sqrt(h))).
+            root = np.sqrt(run.x_end[0] - rate * 2.5)
+            assert -2 * (root + np.log(1 - root)) == pytest.approx(0.5, abs=1e-6)

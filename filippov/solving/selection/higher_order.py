@@ -249,6 +249,10 @@ class HigherOrder:
         mode = np.array(chosen.mode, dtype=float)
         if not kinks or self.active is not None or np.any(mode == 0.0):
             return "it runs along no kink alone"
+        plain = self.plain
+        if any(plain.resets_from) or plain.time_events or plain.pieces is not None:
+            # Guards of kinks that are held show nothing of a jump off them.
+            return "the state may jump off the kink"
         found, x = self._reduced(mode, set(), kinks)
         return found if isinstance(found, str) else self._taken(found, mode, x, self._slack())
 
