@@ -47,6 +47,8 @@ LEAVES = 16
 STEEP = 1e-9
 # Relative to the rates on both sides of a sliding surface: an excess of the multiplier that is rounding.
 BOUND_TOLERANCE = 1e-10
+# The rounding of differences over 2e-3 of an argument, relative to that of what they differ.
+DIFFERENCED = 1e3
 EPS = 2.220446049250313e-16
 
 
@@ -188,9 +190,11 @@ def noise_in(
 def multiplier_noise(i: int, w: Scratch) -> float:
     """The rounding of the guards of sliding surface i, which the multiplier's distances from its ends are.
 
-    Near an end one of them is small beside the other and has the rounding of both.
+    Near an end one of them is small beside the other and has the rounding of both; gradients may be those
+    of differences.
     """
-    return float(EPS * (abs(w.node[i]) + abs(w.node[M + i])))
+    lost = 1.0 if LINEAR[i] != 0 else DIFFERENCED
+    return float(lost * EPS * (abs(w.node[i]) + abs(w.node[M + i])))
 
 
 @inline
