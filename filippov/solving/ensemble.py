@@ -24,7 +24,7 @@ from filippov.kernel.tables.layout import LANES, MOST_LANES
 from filippov.model.system import System
 from filippov.solving.resets.zeno import sentence
 from filippov.solving.scale import default_atols, of_little_ends, small
-from filippov.solving.state.batch import FEW, PATIENT, UNFINISHED, Batch, lane_unit, system_threads, waits
+from filippov.solving.state.batch import FEW, UNFINISHED, Batch, lane_unit, system_threads, waits
 from filippov.solving.state.events import Stop, columns_of, turned
 from filippov.solving.state.machine import Array, Machine
 from filippov.solving.state.option_types import (
@@ -445,8 +445,8 @@ def _statuses(batch: Batch) -> list[Status | None]:
         return [_STATUS.get(first)] * code.size
     step, t, t_end = (batch.clock.column(name) for name in ("step", "t", "t_end"))
     stuck = np.isin(code, _BUDGETS) & (step < STUCK * np.abs(t_end - t))
-    stuck |= (code == codes.CHUNK_DONE) & (batch.options.max_steps > PATIENT)
-    return cast(list[Status | None], _OF_CODE[np.where(stuck, codes.GENERAL, code) - UNFINISHED].tolist())
+    known: list[Status | None] = _OF_CODE[np.where(stuck, codes.GENERAL, code) - UNFINISHED].tolist()
+    return known
 
 
 @lru_cache(maxsize=64)

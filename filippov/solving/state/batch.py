@@ -46,8 +46,6 @@ _LOOKED_AT = 32
 _MOST_TAKEN, _PARTS = 64, 32
 # Rows of a batch that keeps its scratch, those of one that waits for the next of its kind, and how many wait.
 FEW, _SMALL, _MOST_WAITING = 16, 1024, 16
-# Steps of a row after which `solve` runs it, which looks at whether steps lead on.
-PATIENT = 1_000_000
 UNFINISHED = -1
 # Lanes of trajectories that do not slide, and of those that do.
 _GROUPS = 2
@@ -83,7 +81,7 @@ class Batch:
         self.values, self.x = values, states.copy()
         clock, count = Clock.new(), Count.new()
         start_clock(clock, span, options)
-        count.step_budget, count.event_budget = min(options.max_steps, PATIENT), options.max_events
+        count.step_budget, count.event_budget = options.max_steps, options.max_events
         events = machine.time_events if machine.ticking and span[1] > span[0] else ()
         # Whether the compiled loop stops wherever the field is to change.
         self.ticking = bool(events) or not machine.system.clocked
