@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import ModelError
-from filippov.kernel.codegen.contact_difference import slope as of_contact
 from filippov.kernel.codegen.difference import slope
 from filippov.kernel.codegen.generated import TWICE, Generated, unit_constants
 from filippov.kernel.codegen.jit import ASK
@@ -284,19 +283,6 @@ class Callbacks:
         """dh_i/dx_j (dh_i/dt for j = n), by differences."""
         largest = float(np.max(np.abs(x), initial=0.0))
         at = t if j == self.n else float(x[j])
-        if self.contacts is not None and j < self.n:
-            # The rate of a contact is differenced again, which needs one length throughout.
-            at, total = float(x[j]), 0.0
-            reach = max(2e-3 * max(abs(at), 1e-3 * largest, 1e-6 if at == 0.0 else 0.0), 1e-9)
-            for weight, place in ((8.0, 1.0), (-8.0, -1.0), (-1.0, 2.0), (1.0, -2.0)):
-                y = x.copy()
-                y[j] = at + place * reach
-                y.flags.writeable = False
-                total += weight * self._h(i, t, y)
-            return total / (12.0 * reach)
-        if self.contacts is not None:
-            size = max(abs(t), 1e-3 * largest, 1e-6 if t == 0.0 else 0.0)
-            return of_contact(lambda moved: self._h(i, moved, x), t, size)
         # Time and states have no scale of their own: h may vary over lengths much shorter than they are.
         size = max(abs(at), 1e-3 * largest) or 1e-6
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import ModelError
-from filippov.kernel.codegen.contact_difference import slope
+from filippov.kernel.codegen.difference import slope
 from filippov.model.surface import Surface
 
 Array = npt.NDArray[np.float64]
@@ -22,6 +22,8 @@ Function = Callable[[float, Array], Array]
 OPEN_END = 1e300
 # Relative to the states: the distance off rest at which the reset is evaluated; a change that counts as none.
 OFF_REST, NONE = 1e-4, 1e-4
+# Relative rounding of slopes that are differences.
+GRAIN = 1e-11
 
 
 class PlainContacts:
@@ -72,7 +74,7 @@ class PlainContacts:
                 y.flags.writeable = False
                 return self.rate(i, t, y, signs)
 
-            out[j] = slope(along, at, max(abs(at), 1e-3 * largest, 1e-3))
+            out[j] = slope(along, at, max(abs(at), 1e-3 * largest, 1e-3), others=largest, grain=GRAIN)
         return out
 
     def pushed(self, field: Array, t: float, x: Array, s: Array, mode: Array) -> Array:
