@@ -1,29 +1,25 @@
 """Derivatives of a mode for systems of plain functions: supplied ones, else differences of fourth order.
 
 The field is smooth while its signs are held, also a little beyond a surface, so central differences may cross
-it. Their error is about 1e-10 relative to the size of the field, over whatever length it varies.
+it. Their error is about 1e-10 relative to the size of the field.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import ModelError
-from filippov.kernel.codegen.difference import EPS, slope
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
-# Offsets and weights of the central difference of fourth order, and its length along a sign.
+# Offsets and weights of the central difference of fourth order.
 _OFFSETS = (-2.0, -1.0, 1.0, 2.0)
 _WEIGHTS = (1.0 / 12.0, -2.0 / 3.0, 2.0 / 3.0, -1.0 / 12.0)
-_OF_SIGNS = 1e-2
-# The magnitude of what is 0, and the relative rounding of slopes that are differences.
-_OF_ZERO, _GRAIN = 1e-2, 1e-11
+_RELATIVE, _SMALLEST = 1e-4, 1e-2
 
 
 class PlainParts:
@@ -81,7 +77,7 @@ class PlainParts:
         return slope[:, -1:] + slope[:, :n] @ self._f(at)
 
     def _ry(self, at: _Point) -> Array:
-        return self._by_all(self._r, at, grain=_GRAIN)
+        return self._by_all(self._r, at)
 
     def _rs(self, at: _Point) -> Array:
         return self._by_signs(self._r, at)
@@ -97,16 +93,15 @@ class PlainParts:
     def _radiusy(self, at: _Point) -> Array:
         return self._by_all(lambda point: self._radius(point).reshape(-1, 1), at)
 
-    def _by_all(
-        self, function: Callable[[_Point], Array], at: _Point, states: bool = True, grain: float = EPS
-    ) -> Array:
+    def _by_all(self, function: Callable[[_Point], Array], at: _Point, states: bool = True) -> Array:
         """Derivatives by x, the parameters and t, one column each."""
-        places = [("x", j) for j in range(len(at.x) if states else 0)]
-        places += [*(("p", j) for j in self.places), ("t", 0)]
-        return np.hstack([_slopes(function, at, name, j, grain) for name, j in places])
+        columns = [_difference(function, at, "x", j) for j in range(len(at.x) if states else 0)]
+        columns += [_difference(function, at, "p", j) for j in self.places]
+        columns.append(_difference(function, at, "t", 0))
+        return np.hstack(columns)
 
     def _by_signs(self, function: Callable[[_Point], Array], at: _Point) -> Array:
-        columns = [_by_sign(function, at, j) for j in self.sliding]
+        columns = [_difference(function, at, "s", j, 1e-2) for j in self.sliding]
         return np.hstack(columns) if columns else np.zeros((len(function(at)), 0))
 
 
@@ -129,24 +124,9 @@ class _Point:
         return _Point(**values)
 
 
-def _by_sign(function: Callable[[_Point], Array], at: _Point, j: int) -> Array:
-    total = sum(
-        w * function(at.moved("s", j, o * _OF_SIGNS)) for o, w in zip(_OFFSETS, _WEIGHTS, strict=True)
-    )
-    return np.asarray(total / _OF_SIGNS)
-
-
-def _slopes(function: Callable[[_Point], Array], at: _Point, name: str, j: int, grain: float) -> Array:
-    """The derivative of each component by one number, each over a length on which it is nearly linear."""
-    value, others = at.value(name, j), float(np.max(np.abs(at.x), initial=0.0))
-    size = max(abs(value), 1e-3 * others if name == "x" else 0.0) or _OF_ZERO
-    known: dict[float, Array] = {}
-
-    def component(i: int, moved: float) -> float:
-        if moved not in known:
-            known[moved] = function(at.moved(name, j, moved - value)).ravel()
-        return float(known[moved][i])
-
-    count = function(at).size
-    rows = [slope(partial(component, i), value, size, others, grain) for i in range(count)]
-    return np.array(rows).reshape(-1, 1)
+def _difference(
+    function: Callable[[_Point], Array], at: _Point, name: str, j: int, step: float | None = None
+) -> Array:
+    reach = step or _RELATIVE * max(abs(at.value(name, j)), _SMALLEST)
+    total = sum(w * function(at.moved(name, j, o * reach)) for o, w in zip(_OFFSETS, _WEIGHTS, strict=True))
+    return np.asarray(total / reach)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 EPS = 2.220446049250313e-16
-# The first length of a difference, relative to the magnitude of the argument; later ones are shorter. No
-# fraction of few digits, which would be whole periods of what goes round a whole number of times.
-REACH, SHORTER, ROUNDS = 1.937e-3, 8.0, 10
+# The first length of a difference, relative to the magnitude of the argument; later ones are shorter.
+REACH, SHORTER, ROUNDS = 2e-3, 8.0, 10
 # How far the slopes over one and over two such lengths may differ, relatively; the error of order 4 is
 # about the square of that.
 STRAIGHT = 1e-5
@@ -31,34 +30,21 @@ def slope(
     lengths = (reach / APART**k for k in range(1, MOST + 1))
     level = abs(at) + others
     probes = [_Probe(function, at, p, level, grain) for p in lengths if 64.0 * grain * abs(at) <= ROUGH * p]
-    tried: list[tuple[float, float, float]] = []
+    best, least = float("nan"), float("inf")
     for _ in range(ROUNDS):
         high, low, higher, lower = (function(at + place * reach) for place in (1.0, -1.0, 2.0, -2.0))
         one, two = (high - low) / (2.0 * reach), (higher - lower) / (4.0 * reach)
         found = (8.0 * (high - low) - (higher - lower)) / (12.0 * reach)
         largest, bend = max(abs(one), abs(two)), abs(one - two)
-        values = grain * (abs(high) + abs(low) + abs(higher) + abs(lower)) / reach
+        rounding = grain * (abs(high) + abs(low) + abs(higher) + abs(lower)) / reach
         # The remaining error: the next power of the length, and rounding of argument and values over it.
-        rounding = values + EPS * abs(at) / reach * largest
+        error = 0.2 * bend * (bend / (largest or 1.0)) + rounding + EPS * abs(at) / reach * largest
         beside = max((probe.off(found) for probe in probes if probe.length < reach), default=0.0)
-        tried.append((found, max(0.2 * bend * (bend / (largest or 1.0)) + rounding, beside), rounding))
-        if beside == 0.0 and bend <= STRAIGHT * largest + 64.0 * values:
+        if max(error, beside) < least:
+            best, least = found, max(error, beside)
+        if beside == 0.0 and bend <= STRAIGHT * largest + 64.0 * rounding:
             break
         reach /= SHORTER
-    return _best(tried)
-
-
-def _best(tried: list[tuple[float, float, float]]) -> float:
-    """The slope of least error, of (slope, error, rounding) from the longest length to the shortest.
-
-    One is wrong by what the slopes over shorter lengths differ from it beyond their rounding: over periods of
-    a wave slopes may agree by chance.
-    """
-    best, least = float("nan"), float("inf")
-    for k, (found, error, _) in enumerate(tried):
-        apart = max((abs(found - other) - 64.0 * known for other, _, known in tried[k + 1 :]), default=0.0)
-        if max(error, apart) < least:
-            best, least = found, max(error, apart)
     return best
 
 
