@@ -22,8 +22,6 @@ Function = Callable[[float, Array], Array]
 OPEN_END = 1e300
 # Relative to the states: the distance off rest at which the reset is evaluated; a change that counts as none.
 OFF_REST, NONE = 1e-4, 1e-4
-# Relative rounding of slopes that are differences.
-GRAIN = 1e-11
 
 
 class PlainContacts:
@@ -74,7 +72,7 @@ class PlainContacts:
                 y.flags.writeable = False
                 return self.rate(i, t, y, signs)
 
-            out[j] = slope(along, at, max(abs(at), 1e-3 * largest, 1e-3), others=largest, grain=GRAIN)
+            out[j] = slope(along, at, max(abs(at), 1e-3 * largest, 1e-3))
         return out
 
     def pushed(self, field: Array, t: float, x: Array, s: Array, mode: Array) -> Array:
