@@ -28,8 +28,6 @@ LOCATED = 1e-7
 # The same where it is rounding, of the terms of the rate and of what the signs make of it.
 ROUNDING, AT_END = 16 * float(np.finfo(float).eps), 3e-13
 OPEN = 1e299
-# Of the trial step: when the multipliers of a two-fold are looked at that is on another surface as well.
-MOMENT = 1e-3
 # A rate above this part of what the signs and the field make of it is no rounding, whatever the terms are.
 PLAIN = 1e-3
 
@@ -55,57 +53,9 @@ def sliding_solutions(point: Point, mode: Array, sliding: Sequence[int]) -> list
         code, velocity, lam, _ = point.probe(0.0, mode, guess)
         if code != 0 or not np.all(np.isfinite(lam)) or not np.all(np.isfinite(velocity)):
             continue
-        if loose := without_rates(point, mode, lam, sliding):
-            held = _a_moment_later(point, mode, lam, loose)
-            if held is None:
-                continue
-            _, velocity, lam, _ = point.probe(0.0, mode, held)
         if all(np.max(np.abs(lam - known)[list(sliding)]) > 1e-8 for known, _ in found):
             found.append((lam, velocity))
     return found
-
-
-def without_rates(point: Point, mode: Array, lam: Array, sliding: Sequence[int]) -> list[int]:
-    """The sliding surfaces at whose two-fold the point lies: no rate says what their multipliers are.
-
-    Of those that no other sliding surface is coupled to.
-    """
-    component, found = point.machine.component, []
-    coupled = [component[i] for i in range(len(mode)) if mode[i] == 0]
-    for i in sliding:
-        if i not in point.reached or point.machine.contacts[i] or coupled.count(component[i]) > 1:
-            continue
-        rates, terms = [], []
-        for side in (1.0, -1.0):
-            signs, beside = np.where(mode == 0.0, lam, mode), mode.copy()
-            signs[i] = beside[i] = side
-            rates.append(float(point.rates(signs, mode)[i]))
-            if not point.nothing(i, beside, rates[-1]):
-                break
-            terms.append(point.terms(i, beside))
-        if len(terms) == len(rates) and max(map(abs, rates)) <= ROUNDING * max(terms):
-            found.append(i)
-    return found
-
-
-def _a_moment_later(point: Point, mode: Array, lam: Array, loose: Sequence[int]) -> Array | None:
-    """The multipliers with those of some surfaces that sliding has a moment later; None where it has none."""
-    chosen, moment = list(loose), MOMENT * point.step
-    slid = [i for i in range(len(mode)) if mode[i] == 0]
-    for _ in range(2):
-        _, velocity, _, _ = point.probe(0.0, mode, lam)
-        x = point.x + moment * velocity
-        h = point.machine.guards(point.t + moment, x, mode)[slid]
-        g = point.machine.gradients(point.t + moment, x, mode)[0][slid]
-        if not np.all(np.isfinite(g)) or not np.all(np.isfinite(h)):
-            break
-        x = np.ascontiguousarray(x - np.linalg.lstsq(g, h, rcond=None)[0])
-        code, _, later, _ = point.machine.probe(point.t + moment, 0.0, x, mode, lam)
-        if code != 0:
-            return None
-        lam = lam.copy()
-        lam[chosen] = later[chosen]
-    return lam
 
 
 def nearness(base: Mode, i: int, low: float, high: float) -> float:
@@ -201,9 +151,6 @@ def _balanced(point: Point, i: int, mode: Array, rate: float, scale: float) -> b
     """Whether a rate may be what is left of larger terms that cancel, those that multipliers balance too."""
     part = abs(rate) / (scale + point.reach(i, mode))
     if part <= BALANCED or (part <= PLAIN and abs(rate) <= BALANCED * point.terms(i, mode)):
-        return True
-    # All that acts at a point may be 0 but for rounding of the time, as a source that passes through 0.
-    if point.nothing(i, mode, rate) and abs(rate) <= ROUNDING * point.terms(i, mode):
         return True
     return bool(np.any(mode == 0.0)) and abs(rate) <= ROUNDING * point.speed_terms(i, mode)
 

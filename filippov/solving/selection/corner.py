@@ -182,7 +182,7 @@ def _settled(point: Point, mode: Array, moving: Sequence[int], radii: Array) -> 
         velocity = _field_at(point, mode, moving, z, effects)
         ahead = point.direction * min(steps * abs(point.step), max(point.longest, AHEAD[0] * abs(point.step)))
         later = replace(
-            point, t=point.t + ahead, x=point.x + ahead * velocity, summed={}, reaches={}, probed={}, later={}
+            point, t=point.t + ahead, x=point.x + ahead * velocity, summed={}, reaches={}, probed={}
         )
         r2, C2, _ = coupling(later, mode, moving)
         for _, z2, signs2 in _held(later, r2, C2, moving, radii, np.zeros(len(moving))):

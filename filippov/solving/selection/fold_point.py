@@ -1,8 +1,8 @@
 """A run at a two-fold: whether it is one, what can follow, and the first moment of what follows.
 
 Sliding that comes to the end of a multiplier's set close to a two-fold leaves by rounding on either side, or
-passes through; which of them says nothing. Whether it is drawn into the two-fold is told from the linear flow
-of sliding there (`filippov.solving.selection.two_fold`), on the scale of the slide: with sigma the difference
+passes through; which of them says nothing. The linear flow of sliding there decides whether it is drawn into
+the two-fold (`filippov.solving.selection.two_fold`), on the scale of the slide: with sigma the difference
 of the rates over the largest one since the slide began, and rho how fast a deviation from the direction of
 entry grows while that difference falls, a deviation at the beginning of sigma**(1 + max(rho, 0)) would lead
 into it. Up to RESOLUTION this counts as meeting it, whatever the tolerance of the run. So that sigma does not
@@ -12,7 +12,6 @@ where it comes close.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -20,7 +19,6 @@ import numpy as np
 
 from filippov.kernel.tables import codes
 from filippov.solving.selection.ambiguity import name_point, point_of
-from filippov.solving.selection.candidate import inside
 from filippov.solving.selection.corner import can_slide
 from filippov.solving.selection.departure import NON_LIPSCHITZ, departures, leave, straight
 from filippov.solving.selection.modes import Successor, successors
@@ -52,8 +50,6 @@ AHEAD, SOON = 30.0, 0.02
 TURN = 1e-2
 # Of the terms of a rate, far above any rounding of it: a point where a rate is more is no two-fold.
 CLEAR = 1e-4
-# Surfaces reached of which one may be at its two-fold while the others are crossed.
-MOST_CROSSED = 6
 # First moment of what leaves a two-fold along the surface, of the time scale of the solution.
 MOMENT = 1e-5
 
@@ -83,43 +79,11 @@ def _at_fold(
     run: Run, point: Point, base: Mode, reached: Sequence[int], triggered: Sequence[int] | None, behind: bool
 ) -> tuple[str, tuple[Successor, ...], Point] | None:
     """What can follow at a two-fold, or where a slide came close to one; None elsewhere."""
-    active = [i for i in reached if triggered is None or base[i] != 0 or i in triggered]
-    after, active = _crossed(point, base, active)
-    fold = _fold(run, point, after, active, triggered, behind)
+    fold = _fold(run, point, base, reached, triggered, behind)
     if isinstance(fold, Way):
         return "", (_exit(point, base, fold),), point
-    found = [] if fold is None else _continuations(point, after, fold)
-    if after != base:
-        # What is crossed at the same instant is left at once.
-        crossed = [i for i in reached if i not in active]
-        orders = [tuple(1 if i in crossed else k for i, k in enumerate(c.order)) for c in found]
-        found = [replace(c, order=order) for c, order in zip(found, orders, strict=True)]
+    found = [] if fold is None else _continuations(point, base, fold)
     return (fold.name, tuple(found), point) if fold is not None and found else None
-
-
-def _crossed(point: Point, base: Mode, active: list[int]) -> tuple[Mode, list[int]]:
-    """The signs after surfaces that the solution crosses whatever the others do, and the surfaces left.
-
-    A run may start, or arrive, at the two-fold of one surface on another one, such as a kink.
-    """
-    if not 2 <= len(active) <= MOST_CROSSED:
-        return base, active
-    rates, terms = [], []
-    for signs in itertools.product((1.0, -1.0), repeat=len(active)):
-        mode = np.array(base, dtype=float)
-        mode[active] = signs
-        g, gt = point.gradients(mode)
-        velocity = point.rhs(np.where(mode == 0.0, point.guess, mode), mode)
-        rates.append([point.direction * (point.machine.rate(i, g, velocity) + float(gt[i])) for i in active])
-        terms.append([point.terms(i, mode) for i in active])
-    low, high, size = np.min(rates, axis=0), np.max(rates, axis=0), np.max(terms, axis=0)
-    after, left = list(base), []
-    for i, least, most, scale in zip(active, low, high, size, strict=True):
-        if least > CLEAR * scale or most < -CLEAR * scale:
-            after[i] = 1 if least > 0.0 else -1
-        else:
-            left.append(i)
-    return tuple(after), left
 
 
 def _back_to_tangency(run: Run, triggered: Sequence[int] | None) -> None:
@@ -149,13 +113,14 @@ def _back_to_tangency(run: Run, triggered: Sequence[int] | None) -> None:
 
 
 def _fold(
-    run: Run, point: Point, base: Mode, active: Sequence[int], triggered: Sequence[int] | None, behind: bool
+    run: Run, point: Point, base: Mode, reached: Sequence[int], triggered: Sequence[int] | None, behind: bool
 ) -> TwoFold | Way | None:
     """The two-fold of the only surface on which something happens, where the run is at one.
 
     The way out of a slide where that comes close to a two-fold and leaves beside it.
     """
     machine = run.machine
+    active = [i for i in reached if triggered is None or base[i] != 0 or i in triggered]
     if len(active) != 1 or not can_slide(point, active[0]) or machine.contacts[active[0]]:
         return None
     i = active[0]
@@ -324,20 +289,13 @@ def _depart(run: Run, chosen: Successor, i: int) -> None:
     span = min(left, _slid(run, i) or size / max(speed, 1e-300))
     fold = two_fold(point, chosen.mode, i, span or np.inf)
     direction = None if fold is None else _direction(fold, chosen, i)
-    moment = min(max(MOMENT * span, 1e4 * EPS * abs(run.t)), left)
-    if fold is not None and direction is not None:
-        multiplier, repels = direction.multiplier, direction.rate < 0.0
-        velocity = fold.velocity(multiplier)
-    elif chosen.mode[i] == 0:
-        # A two-fold of higher order, or one where a field runs along the surface.
-        multiplier, repels = chosen.multipliers[i], chosen.order[i] < 0
-        velocity = run.direction * np.array(chosen.field)
-    else:
+    if fold is None or direction is None:
         return
+    moment = min(max(MOMENT * span, 1e4 * EPS * abs(run.t)), left)
     t = run.t + run.direction * moment
-    mode = run.mode.copy()
+    multiplier, mode = direction.multiplier, run.mode.copy()
     mode[i] = 0.0
-    first = moment * velocity
+    first = moment * fold.velocity(multiplier)
     lam = run.lam.copy()
     lam[i] = multiplier
     x = on_surface(point, chosen.mode, i, t, run.x + first)
@@ -350,8 +308,7 @@ def _depart(run: Run, chosen: Successor, i: int) -> None:
     run.taken = t, x
     if chosen.mode[i] == 0:
         run.lam[:] = multipliers
-        at_end = inside(chosen.mode, multipliers, run.machine.radii(t, x), [i]) is None
-        run.order[i] = -1 if repels else 2 if at_end else 0
+        run.order[i] = -1 if direction.rate < 0.0 else 0
     else:
         run.order[i] = 1
 

@@ -28,7 +28,6 @@ from filippov.solving.selection.candidate import (
     moving_outwards,
     repelling,
     sliding_solutions,
-    without_rates,
 )
 from filippov.solving.selection.corner import can_slide, choices, corners, coupling, with_signs
 from filippov.solving.state.events import Mode
@@ -111,7 +110,7 @@ def _goes_on(point: Point, found: Successor, reached: Sequence[int]) -> bool:
         if not np.all(np.isfinite(g)) or not np.any(h):
             break
         x = np.ascontiguousarray(x - np.linalg.lstsq(g, h, rcond=None)[0])
-    later = replace(point, t=point.t + point.step, x=x, probed={}, later={})
+    later = replace(point, t=point.t + point.step, x=x, probed={})
     code, velocity, lam, _ = later.probe(0.0, mode, np.array(found.multipliers))
     radii = point.machine.radii(later.t, x)
     if code != 0 or inside(found.mode, lam, radii, slid) is False:
@@ -227,8 +226,6 @@ def _examined(
         order = [orders.get(i, 0) for i in range(m)]
         for i in own if held is None else ():
             order[i] = 2
-        for i in without_rates(point, mode, lam, own):
-            order[i] = 3
         component = point.machine.component
         count = np.bincount([component[i] for i in sliding], minlength=m)
         for i in repelling(point, mode, [i for i in sliding if count[component[i]] == 1]):

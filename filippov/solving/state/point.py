@@ -13,8 +13,6 @@ from filippov.solving.state.machine import Array, Machine
 # A nudge of a state by this part of it shows the terms that it has in the field.
 NUDGE = 1e-6
 DIFFERENCES = 32.0
-# Beside a rate of a trial step later, one that may be rounding of all that acts.
-NOTHING = 1e-9
 
 Probe = tuple[int, Array, Array, Array]
 
@@ -46,7 +44,6 @@ class Point:
     longest: float = 0.0
     fine: bool = False
     reaches: dict[tuple[int, tuple[int, ...]], float] = field(default_factory=dict, compare=False, repr=False)
-    later: dict[bytes, Array] = field(default_factory=dict, compare=False, repr=False)
     summed: dict[bytes, Array] = field(default_factory=dict, compare=False, repr=False)
     probed: dict[tuple[float, bytes, bytes], Probe] = field(default_factory=dict, compare=False, repr=False)
 
@@ -62,24 +59,6 @@ class Point:
     def rhs(self, signs: Array, mode: Array) -> Array:
         """The vertex field at signs +-1."""
         return self.machine.rhs(self.t, self.x, signs, mode)
-
-    def rates(self, signs: Array, mode: Array) -> Array:
-        """The rates of all surfaces along a vertex field."""
-        g, gt = self.gradients(mode)
-        return _rates(g, self.rhs(signs, mode), gt)
-
-    def nothing(self, i: int, mode: Array, rate: float) -> bool:
-        """Whether a rate is next to nothing beside that of a trial step later, along the vertex fields.
-
-        All that acts at a point may be 0 but for rounding of the time, as a source that passes through 0.
-        """
-        key = mode.tobytes()
-        if key not in self.later:
-            signs = np.where(mode == 0.0, 1.0, mode)
-            x = self.x + self.step * self.rhs(signs, mode)
-            g, gt = self.machine.gradients(self.t + self.step, x, mode)
-            self.later[key] = np.abs(_rates(g, self.machine.rhs(self.t + self.step, x, signs, mode), gt))
-        return bool(abs(rate) <= NOTHING * self.later[key][i])
 
     def corner_kind(self, mode: Array, pair: Sequence[int]) -> int:
         """What the corner of two surfaces is, in bits (see `kernel.loop.corner`)."""
