@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from filippov.solving.selection.modes import Successor
+from filippov.solving.selection.two_fold import on_surface
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
@@ -62,7 +63,7 @@ def departures(
     first = found[0] if found else Successor(base, (0,) * len(base), (0.0,) * len(base), (), 0.0)
     for i in kinks:
         mode = _with(first.mode, i, base[i])
-        here = _on(point, i, point.t, point.x, mode)
+        here = on_surface(point, mode, i, point.t, point.x)
         laws = {side: _law(run, point, mode, here, i, side) for side in (1, -1)}
         off = [side for side, law in laws.items() if law is not None and law.c > 0.0]
         pulled = all(law is not None and law.c < 0.0 for law in laws.values())
@@ -100,9 +101,9 @@ def leave(run: Run, point: Point, chosen: Successor, i: int) -> None:
         # |h|^(1 - p) grows with the rate (1 - p) c, of which c changes along the surface.
         part = run.direction * moment / STEPS
         middle = x + 0.5 * part * _field(point, t, x, mode)
-        middle = _on(point, i, t + 0.5 * part, middle, mode)
+        middle = on_surface(point, mode, i, t + 0.5 * part, middle)
         power += abs(part) * (1.0 - law.p) * _strength(run, point, t + 0.5 * part, middle, mode, law)
-        x = _on(point, i, t + part, x + part * _field(point, t + 0.5 * part, middle, mode), mode)
+        x = on_surface(point, mode, i, t + part, x + part * _field(point, t + 0.5 * part, middle, mode))
         t += part
     way = run.direction * _field(point, t, _beside(run, point, t, x, mode, law), mode)
     way -= run.direction * _field(point, t, x, mode)
@@ -140,19 +141,6 @@ def _field(point: Point, t: float, x: Array, mode: Mode) -> Array:
     signs = np.array(mode, dtype=float)
     _, velocity, _, _ = point.machine.probe(t, 0.0, np.ascontiguousarray(x), signs, point.guess)
     return velocity.copy()
-
-
-def _on(point: Point, i: int, t: float, x: Array, mode: Mode) -> Array:
-    """The nearest point on surface i."""
-    signs = np.array(mode, dtype=float)
-    for _ in range(4):
-        x = np.ascontiguousarray(x)
-        h = float(point.machine.guards(t, x, signs)[i])
-        g = point.machine.gradients(t, x, signs)[0][i]
-        if h == 0.0 or not np.all(np.isfinite(g)) or not np.any(g):
-            break
-        x = x - h * g / float(g @ g)
-    return np.ascontiguousarray(x)
 
 
 def _rate(point: Point, t: float, x: Array, i: int, mode: Mode) -> tuple[float, float]:
@@ -199,7 +187,7 @@ def _stays(point: Point, mode: Mode, here: Array, i: int, laws: Sequence[Law]) -
     field = _field(point, point.t, here, mode)
     for part in PARTS:
         t, x = point.t + part * point.step, here + part * point.step * field
-        x = _on(point, i, t, x, mode)
+        x = on_surface(point, mode, i, t, x)
         rate, terms = _rate(point, t, x, i, mode)
         g, gt = point.machine.gradients(t, x, np.array(mode, dtype=float))
         off = ROUNDING * float(guard_terms(g, gt, t, x)[i])

@@ -218,12 +218,12 @@ def on_surface(point: Point, base: Mode, i: int, t: float, x: Array) -> Array:
     """The state put back on surface i along its gradient."""
     mode = np.array(base, dtype=float)
     mode[i] = 0.0
-    for _ in range(2):
+    for _ in range(4):
         x = np.ascontiguousarray(x)
         h = float(point.machine.guards(t, x, mode)[i])
         g, _ = point.machine.gradients(t, x, mode)
         size = float(g[i] @ g[i])
-        if h == 0.0 or size == 0.0:
+        if h == 0.0 or not 0.0 < size < np.inf:
             break
         x = x - (h / size) * g[i]
     return np.ascontiguousarray(x)

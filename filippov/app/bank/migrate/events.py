@@ -86,12 +86,12 @@ def _side(old: Old, text: str) -> tuple[str, dict[str, Measure]]:
     if len(old.states) == 2:
         x, y = old.states
         polar = {"theta": f"atan2({y},{x})", "r": f"sqrt({x}**2+{y}**2)"}
+    put = {name: f"({value})" for name, value in polar.items() if name not in names}
     plain = re.sub(r"\b(\w+)\(t\)", lambda m: m[1] if m[1] in names or m[1] in polar else m[0], text)
     for attempt in (plain, _ASIDE.sub("", " " + plain)):
         words = set(_WORD.findall(attempt)) - set(FUNCTIONS)
         where = {name: known[name] for name in sorted(words & set(known))}
-        put = {name: value for name, value in polar.items() if name not in names}
-        written = _WORD.sub(lambda m, put=put: f"({put[m[0]]})" if m[0] in put else m[0], attempt).strip()  # type: ignore[misc]
+        written = _WORD.sub(lambda m: put.get(m[0], m[0]), attempt).strip()
         try:
             formula(written, {**names, **dict.fromkeys(where, 1)})
         except ModelError:
