@@ -205,11 +205,10 @@ def first_zero(
     for k in range(1, count + 2):
         time = k * dt if k <= count else end
         value = values[k] if k <= count else f(end)
-        falls = [
-            i
-            for i in range(len(value))
-            if value[i] < 0 and not (previous == 0.0 and i == skip and past[i] < 1e-9)
-        ]
+        falls = [i for i in range(len(value)) if value[i] < 0]
+        if previous == 0.0 and any(i == skip and past[i] < 1e-9 for i in falls):
+            # It has come back to the surface that it left within one width of the grid.
+            raise NotGenericError
         if falls:
             # A value of the grid that is 0 to rounding may have another sign by itself.
             starts, ends = f(previous), f(time)

@@ -96,3 +96,39 @@ def test_11_11_any_smooth_h_at_any_scale(size, length, c, x, entry):
     assert run(slopes).success
     with pytest.raises(ModelError, match="surface 's': gradient gives"):
         run(off)
+LOCAL = {
+    "step": np.tanh,
+    "bell": lambda u: 1 / (1 + u * u),
+    "wave": lambda u: np.sin(8 * u) / 8,
+}
+
+
+@pytest.mark.parametrize("far", [100.0, 1e6])
+@pytest.mark.parametrize("shape", LOCAL)
+@pytest.mark.parametrize("along", ["time", "state", "beside"])
+@pytest.mark.parametrize("derivative", ["dual", "difference"])
+def test_a_level_that_varies_over_lengths_far_shorter_than_its_argument(derivative, along, shape, far):
+    """x' = -2 s, y' = s on h = x - V: s = -V'/2 while it slides, so y ends at -(V(2) - V(-3))/2.
+
+    V moves with the time, with a state z' = 1 that starts far from 0, or with one beside a far larger state.
+    """
+    level = LOCAL[shape]
+    if derivative == "difference":
+        level = lambda u: LOCAL[shape](float(u))  # noqa: E731 - a float takes no dual numbers
+    h = {
+        "time": lambda t, x, p: x[0] - level(t - far),
+        "state": lambda t, x, p: x[0] - level(x[2] - far),
+        "beside": lambda t, x, p: x[0] - level(x[2]),
+    }[along]
+    start = {"time": (far - 3, -3.0), "state": (0.0, far - 3), "beside": (0.0, -3.0)}[along]
+    system = System(
+        field=lambda t, x, p, s: [-2 * s[0], s[0], 1.0, 0.0],
+        surfaces=[Surface("h", h)],
+        states="x y z w",
+    )
+    x0 = (level(-3.0), 0.0, start[1], far if along == "beside" else 0.0)
+    run = solve(system, x0, (start[0], start[0] + 5), rtol=1e-7)
+    assert run.success
+    assert run.modes == ("0",)
+    # The argument is rounded to far times 1e-16, and slopes to about its square root.
+    assert run.x_end[1] == pytest.approx(-(level(2.0) - level(-3.0)) / 2, abs=1e-6)

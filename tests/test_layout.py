@@ -28,7 +28,8 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("filippov.model",),
     (
         "filippov.kernel", "filippov.kernel.tables", "filippov.kernel.language", "filippov.kernel.loop",
-        "filippov.kernel.methods", "filippov.kernel.lanes", "filippov.kernel.codegen",
+        "filippov.kernel.methods", "filippov.kernel.lanes", "filippov.kernel.derivative",
+        "filippov.kernel.codegen",
     ),
     ("filippov.solving.state", "filippov.solving.selection", "filippov.solving.resets", "filippov.solving"),
     ("filippov.graphs", "filippov.interop", "filippov.io", "filippov.plot"),

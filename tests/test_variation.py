@@ -3,11 +3,16 @@ is known of it."""
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from filippov import Surface, System, parameters, sign, sin, solve, states
+from filippov import Surface, System, cos, parameters, sign, sin, solve, states
+from filippov import t as time
+from filippov.analysis import flow_derivative
 from filippov.analysis.sensitivity import saltation
 from filippov.analysis.sensitivity.variation import mode_field, transitions
 
@@ -112,3 +117,30 @@ def test_14_6_an_interval_without_a_derivative_leaves_the_others_theirs() -> Non
     told = [isinstance(part, saltation.NotDifferentiableError) for part in found]
     assert told == [False, False, True, False]
     np.testing.assert_allclose(found[3], np.diag([1.0, 1.0, np.exp(-1.0)]), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("turns", "size"),
+    [(0, 1.0), (160, 1.0), (500, 1.0), (5000, 1.0), (0, 1e-9), (0, 1e6)],
+)
+@pytest.mark.parametrize("derivative", ["dual", "difference"])
+def test_derivatives_of_functions_that_vary_over_any_length(turns: int, size: float, derivative: str) -> None:
+    """A pendulum with friction against a moving pivot after whole turns, and in other units of its angle.
+
+    Its derivative is the same everywhere. Here it is that of the symbolic twin at 0.
+    """
+    q, w = states("q w")
+    twin = System({q: w, w: -sin(q) - 0.3 * sign(w - 0.2 * sin(time)) - 0.1 * w + 0.2 * cos(3 * time)})
+    exact = flow_derivative(solve(twin, (1.0, 0.3), (0, 6), rtol=1e-10, atol=1e-12))
+
+    def field(t: float, x: Any, p: Any, s: Any) -> list[float]:
+        if derivative == "difference":
+            x = [float(v) for v in x]  # which takes no dual numbers
+        acceleration = -math.sin(x[0] / size) - 0.3 * s[0] - 0.1 * x[1] / size + 0.2 * math.cos(3 * t)
+        return [x[1], size * acceleration]
+
+    pivot = Surface("pivot", lambda t, x, p: x[1] - 0.2 * size * math.sin(t))
+    start = (size * (1.0 + 2 * math.pi * turns), 0.3 * size)
+    system = System(field=field, surfaces=[pivot], states="q w")
+    run = solve(system, start, (0, 6), rtol=1e-10, atol=1e-12 * size)
+    np.testing.assert_allclose(flow_derivative(run), exact, atol=1e-8)

@@ -80,7 +80,8 @@ def flow_derivative(
 
     before_last: leave out the saltation of events at the very end (the derivative just before them).
     parameters: names of parameters by which it is differentiated too
-    jacobian: of a system of plain functions, (t, x, p, s) -> df/dx with signs held; default: differences
+    jacobian: of a system of plain functions, (t, x, p, s) -> df/dx with signs held; default: by dual
+              numbers, else differences
 
     A solution that starts on sliding surfaces stays on them: the derivative belongs to displacements along
     them. Raises NotDifferentiableError at tangencies and at several surfaces at once whose order matters;

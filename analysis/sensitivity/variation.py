@@ -155,7 +155,8 @@ def mode_field(
 ) -> ModeField:
     """The (cached) linearised field of a mode; names: parameters to differentiate by.
 
-    jacobian: for a system of plain functions, (t, x, p, s) -> df/dx with the signs held; else differences.
+    jacobian: for a system of plain functions, (t, x, p, s) -> df/dx with the signs held; else by dual
+              numbers or differences.
     """
     return ModeField(system, mode, names, jacobian)
 

@@ -49,9 +49,10 @@ _MOVED: dict[tuple[str, str], str] = {
         "rates run watched"
     ),
     ("filippov._kernels", "filippov.kernel.codegen"): (
-        "build cache callback difference generate generate_events generate_resets generated hoist jit "
+        "build cache callback generate generate_events generate_resets generated hoist jit "
         "method plain_contact purity replacement structure"
     ),
+    ("filippov._kernels", "filippov.kernel.derivative"): ("difference"),
     ("filippov._kernels", "filippov.kernel.lanes"): (
         "lane_field lane_functions lane_run lane_seat>lane_slot lane_step"
     ),

@@ -123,6 +123,12 @@ class ParameterRecord:
         object.__setattr__(self, "_index", index)
         object.__setattr__(self, "_values", tuple(float(v) for v in values))
 
+    def holding(self, values: Sequence[Any]) -> ParameterRecord:
+        """The same names with numbers of any kind, as dual ones."""
+        other = ParameterRecord(self._index, ())
+        object.__setattr__(other, "_values", tuple(values))
+        return other
+
     def __getattr__(self, name: str) -> float:
         if name.startswith("_"):
             raise AttributeError(name)

@@ -42,7 +42,8 @@ class Surface:
     kind      "switching": the field jumps; "kink": it is continuous, its derivative jumps (nothing can slide
               there); "observer": located only; "reset": the state jumps there. Default: "reset" with a
               reset, else "switching"
-    gradient  for a function h: gradient(t, x, p) -> dh/dx, shape (n,)
+    gradient  for a function h: gradient(t, x, p) -> dh/dx, shape (n,). Default: by dual numbers where h takes
+              them, else by differences
     linear    for a function h: it is affine in x and does not depend on t. Both are compared with differences
               of h where a run starts and at events: ModelError where they contradict
     width     half-width of the hysteresis: the sign s is left at h = -s width; 0 for none. A number, or an

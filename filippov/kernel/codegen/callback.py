@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import ModelError
-from filippov.kernel.codegen.difference import slope
 from filippov.kernel.codegen.generated import TWICE, Generated, unit_constants
 from filippov.kernel.codegen.jit import ASK
 from filippov.kernel.codegen.plain_contact import OPEN_END, PlainContacts
+from filippov.kernel.codegen.plain_gradient import PlainGradients
 from filippov.kernel.codegen.replacement import Replacement
 from filippov.kernel.codegen.structure import Structure
 from filippov.model.surface import Surface
@@ -112,10 +112,11 @@ class Callbacks:
         self.values: tuple[float, ...] | None = None
         self.p: Any = None
         self.replacement = Replacement(field, n, len(surfaces), compiled)
-        self._constant: dict[int, npt.NDArray[np.float64]] = {}
+        self.gradients = PlainGradients(surfaces, field, n, self._h, self._given)
         self.contacts = None
         if any(surface.contact for surface in surfaces):
-            self.contacts = PlainContacts(surfaces, self._free, self._row, self._after)
+            slopes = self.gradients.rate_slopes
+            self.contacts = PlainContacts(surfaces, self._free, self._row, self._after, slopes)
         self._handles = [
             _FIELD(self._rhs),
             _GUARD(self._guarded(self._guards)),
@@ -131,7 +132,7 @@ class Callbacks:
     def parameters(self, p: npt.NDArray[np.float64]) -> None:
         """Set the record that the user's functions see."""
         self.p = self.record(p)
-        self._constant.clear()
+        self.gradients.parameters(self.p)
 
     def speed_up(self, names: tuple[str, ...], t: float, x: npt.NDArray[np.float64]) -> None:
         """Replace the callback by the field's machine code where that is allowed; the run is at t, x.
@@ -188,7 +189,7 @@ class Callbacks:
         """
         image = x.copy()
         for i in range(len(self.surfaces)):
-            h, row = self._h(i, t, x), self._slopes_of(i, t, x)[: self.n]
+            h, row = self._h(i, t, x), self.gradients.row(i, t, x)[: self.n]
             if h * signs[i] < 0.0 and abs(signs[i]) == 1.0 and (size := float(row @ row)) > 0.0:
                 image -= 2.0 * h / size * row
         if np.array_equal(image, x):
@@ -256,43 +257,20 @@ class Callbacks:
             if self.contacts is not None and mode is not None and i in held:
                 row = self.contacts.slopes(i, t, state, self.contacts.signs(mode))
             else:
-                row = self._slopes_of(i, t, state)
+                row = self.gradients.row(i, t, state)
             out[i * n : (i + 1) * n] = row[:n]
             out[count * n + i] = row[n]
         return out
 
     def _row(self, i: int, t: float, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """The row (h_i, dh_i/dx, dh_i/dt)."""
-        return np.concatenate([[self._h(i, t, x)], self._slopes_of(i, t, x)])
+        return np.concatenate([[self._h(i, t, x)], self.gradients.row(i, t, x)])
 
-    def _slopes_of(self, i: int, t: float, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        surface, n = self.surfaces[i], self.n
-        if surface.linear and i in self._constant:
-            return self._constant[i]
-        if surface.gradient is not None:
-            value = checked_vector(surface.gradient(t, x, self.p), n, None, f"gradient of {surface.name!r}")
-            row = np.append(value, self._slope(i, t, x, n))
-        else:
-            row = np.array([self._slope(i, t, x, j) for j in range(n + 1)])
-        if surface.linear:
-            self._constant[i] = row
-        return row
-
-    def _slope(self, i: int, t: float, x: npt.NDArray[np.float64], j: int) -> float:
-        """dh_i/dx_j (dh_i/dt for j = n), by differences."""
-        largest = float(np.max(np.abs(x), initial=0.0))
-        if j == self.n:
-            # Time has no scale of its own: h may vary over times much shorter than t.
-            size = max(abs(t), 1e-3 * largest, 1e-6 if t == 0.0 else 0.0)
-            return slope(lambda moved: self._h(i, moved, x), t, size)
-        at, total = float(x[j]), 0.0
-        reach = max(2e-3 * max(abs(at), 1e-3 * largest, 1e-6 if at == 0.0 else 0.0), 1e-9)
-        for weight, place in ((8.0, 1.0), (-8.0, -1.0), (-1.0, 2.0), (1.0, -2.0)):
-            y = x.copy()
-            y[j] = at + place * reach
-            y.flags.writeable = False
-            total += weight * self._h(i, t, y)
-        return total / (12.0 * reach)
+    def _given(self, i: int, t: float, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        surface = self.surfaces[i]
+        assert surface.gradient is not None
+        value = surface.gradient(t, x, self.p)
+        return checked_vector(value, self.n, None, f"gradient of {surface.name!r}")
 
     def _radii(self, t: float, x: int, m: int) -> npt.NDArray[np.float64]:
         state = self._state(x)

@@ -3,7 +3,8 @@
     L = dh/dt = h_t + grad h . f,   x' = f + side (1 - side s)/2 D,   L' = 0
 
 D is the direction in which the reset moves a state that runs onto the surface, just off rest. Its length does
-not act on the solution, as s follows from L' = 0. Derivatives are differences, those of L of differences.
+not act on the solution, as s follows from L' = 0. Derivatives are exact where the functions take dual
+numbers, else differences, those of L of differences.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import ModelError
-from filippov.kernel.codegen.difference import slope
+from filippov.kernel.derivative.difference import slope
 from filippov.model.surface import Surface
 
 Array = npt.NDArray[np.float64]
@@ -27,7 +28,8 @@ OFF_REST, NONE = 1e-4, 1e-4
 class PlainContacts:
     """The contacts of a system of functions.
 
-    field(t, x, signs) -> x'; row(i, t, x) -> h_i, dh_i/dx and dh_i/dt, shape (n + 2,); reset(i, t, x) -> x+
+    field(t, x, signs) -> x'; row(i, t, x) -> h_i, dh_i/dx and dh_i/dt, shape (n + 2,); reset(i, t, x) -> x+;
+    exact(i, t, x, signs, rate) -> dL/dx and dL/dt, shape (n + 1,), or None
     """
 
     def __init__(
@@ -36,8 +38,9 @@ class PlainContacts:
         field: Callable[[float, Array, Array], Array],
         row: Callable[[int, float, Array], Array],
         reset: Callable[[int, float, Array], Array],
+        exact: Callable[[int, float, Array, Array, Callable[[float, Array], float]], Array | None],
     ) -> None:
-        self.surfaces, self.field, self.row, self.reset = surfaces, field, row, reset
+        self.surfaces, self.field, self.row, self.reset, self.exact = surfaces, field, row, reset, exact
         self.side = np.array([(1.0 if q.side == "+" else -1.0) if q.contact else 0.0 for q in surfaces])
         self.checked: set[int] = set()
         self.across: dict[int, Array] = {}
@@ -59,6 +62,9 @@ class PlainContacts:
 
     def slopes(self, i: int, t: float, x: Array, signs: Array) -> Array:
         """dL/dx and dL/dt of surface i, shape (n + 1,)."""
+        found = self.exact(i, t, x, signs, lambda at, y: self.rate(i, at, y, signs))
+        if found is not None:
+            return found
         out = np.empty(x.size + 1)
         largest = float(np.max(np.abs(x), initial=0.0))
         for j in range(x.size + 1):
