@@ -64,6 +64,7 @@ class EventMap(Answering):
         self.parameters = dict(zip(system.parameters.names, self.p.tolist(), strict=True))
         self.rtol, self.atol, self.method, self.lanes = rtol, atol, method, lanes
         self._prepared: Prepared | None = None
+        self._rows = np.empty((0, 0))
 
     def __getstate__(self) -> dict[str, Any]:
         """Machine code stays in its process."""
@@ -124,8 +125,10 @@ class EventMap(Answering):
                     self.system, (0.0, self.section.t_max), stop=self.section.stop, rtol=self.rtol,
                     atol=self.atol, method=self.method, lanes=self.lanes, max_steps=MOST_STEPS,
                 )  # fmt: skip
-            rows = np.empty((d.size, self.p.size))
-            rows[:] = self.p
+            rows = self._rows
+            if len(rows) != d.size:
+                rows = self._rows = np.empty((d.size, self.p.size))
+                rows[:] = self.p
             x, ended, mode = self._prepared.ends(start, rows)
             resting = None
         values = self.bound.read(x)

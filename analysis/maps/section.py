@@ -203,7 +203,7 @@ class BoundSection:
         if d.size == 1:
             # Plain numbers cost a tenth of arrays of one. Where they have no value, arrays do as numpy does.
             try:
-                return np.array([function(d.item(), *p.reshape(-1).tolist())], dtype=float)
+                return np.array([function(d.item(), *(p if p.ndim == 1 else p.reshape(-1)).tolist())], dtype=float)
             except (ArithmeticError, TypeError, ValueError):
                 pass
         out = np.empty((d.size, self.system.dimension))

@@ -220,7 +220,8 @@ class Prepared:
             self.machine = _machine(system, self.checked.stepper, self.checked.sliding)
             # An equal system may have been here before: what was made of it is this one's as well.
             system.units.update(self.machine.system.units)
-        # Whether a few rows need not be looked at before they are run.
+        # Batches of a few rows that wait for the next, by size, and whether those need not be looked at before.
+        self._waiting: dict[int, Batch] = {}
         self._few = self.machine is not None and not lanes and "atol" in options and waits(self.machine, FEW)
 
     def run(
@@ -273,12 +274,16 @@ class Prepared:
         """State, status and mode at the ends: of an Ensemble what a map needs, sooner for a few rows."""
         machine = self.machine
         if self._few and machine is not None and len(states) <= FEW:
-            batch = Batch.ready(machine, states, values, self.span, self.stops, self.checked)
+            batch = self._waiting.pop(len(states), None)
+            if batch is None:
+                batch = Batch.ready(machine, states, values, self.span, self.stops, self.checked)
+            else:
+                batch.again(states, values)
             batch.run(1, None)
             statuses = _statuses(batch)
             if None not in statuses:
                 x, mode = batch.x.copy(), batch.mode.copy()
-                batch.put_back()
+                self._waiting[len(states)] = batch
                 return x, cast(list[Status], statuses), mode
         whole = self.run(states, values)
         return whole.x, list(whole.status), whole.mode
@@ -440,9 +445,10 @@ def _of_limit(batch: Batch, q: int) -> str:
 def _statuses(batch: Batch) -> list[Status | None]:
     """How each row ended; None where `solve` decides, also of rows that got nowhere at last."""
     code = batch.code
-    first = int(code[0]) if code.size else UNFINISHED
-    if first not in _BUDGETS and code.tolist().count(first) == code.size:
-        return [_STATUS.get(first)] * code.size
+    listed = code.tolist()
+    first = listed[0] if listed else UNFINISHED
+    if first not in _BUDGETS and listed.count(first) == len(listed):
+        return [_STATUS.get(first)] * len(listed)
     step, t, t_end = (batch.clock.column(name) for name in ("step", "t", "t_end"))
     stuck = np.isin(code, _BUDGETS) & (step < STUCK * np.abs(t_end - t))
     known: list[Status | None] = _OF_CODE[np.where(stuck, codes.GENERAL, code) - UNFINISHED].tolist()

@@ -133,10 +133,15 @@ class Batch:
         found: Batch | None = None if asked is None else machine.batches.pop(asked, None)
         if found is None:
             return cls(machine, states, values, span, stops, options)
-        found.x[:] = states
-        found.values, found.p[:, : values.shape[1]] = values, values
-        found._state[:] = found._start
+        found.again(states, values)
         return found
+
+    def again(self, states: Array, values: Array) -> None:
+        """At its start with other rows; values that are the same array are there already."""
+        self.x[:] = states
+        if values is not self.values:
+            self.values, self.p[:, : values.shape[1]] = values, values
+        self._state[:] = self._start
 
     def put_back(self) -> None:
         """Let a small batch wait for the next one, when nobody needs its arrays any more."""
@@ -273,7 +278,8 @@ class _Room:
         for array in self.blank:
             array.fill(0)
         self.rows.fill(-1)
-        self.free[:] = self.numbers
+        if self.numbers.size:
+            self.free[:] = self.numbers
 
 
 def _pasts(machine: Machine, count: int) -> tuple[Rows[Past], tuple[npt.NDArray[Any], ...]]:
