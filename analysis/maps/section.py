@@ -203,7 +203,8 @@ class BoundSection:
         if d.size == 1:
             # Plain numbers cost a tenth of arrays of one. Where they have no value, arrays do as numpy does.
             try:
-                return np.array([function(d.item(), *(p if p.ndim == 1 else p.reshape(-1)).tolist())], dtype=float)
+                row = p if p.ndim == 1 else p.reshape(-1)
+                return np.array([function(d.item(), *row.tolist())], dtype=float)
             except (ArithmeticError, TypeError, ValueError):
                 pass
         out = np.empty((d.size, self.system.dimension))

@@ -217,10 +217,10 @@ class Prepared:
         self.threads, self.lanes = threads, lanes
         self.machine: Machine | None = None
         if system.field is None:
-            self.machine = _machine(system, self.checked.stepper, self.checked.sliding)
             # An equal system may have been here before: what was made of it is this one's as well.
+            self.machine = _machine(system, self.checked.stepper, self.checked.sliding)
             system.units.update(self.machine.system.units)
-        # Batches of a few rows that wait for the next, by size, and whether those need not be looked at before.
+        # Batches of a few rows that wait for the next, by size; whether those need not be looked at before.
         self._waiting: dict[int, Batch] = {}
         self._few = self.machine is not None and not lanes and "atol" in options and waits(self.machine, FEW)
 
@@ -274,11 +274,10 @@ class Prepared:
         """State, status and mode at the ends: of an Ensemble what a map needs, sooner for a few rows."""
         machine = self.machine
         if self._few and machine is not None and len(states) <= FEW:
-            batch = self._waiting.pop(len(states), None)
-            if batch is None:
-                batch = Batch.ready(machine, states, values, self.span, self.stops, self.checked)
-            else:
-                batch.again(states, values)
+            batch = self._waiting.pop(len(states), None) or Batch.ready(
+                machine, states, values, self.span, self.stops, self.checked
+            )
+            batch.again(states, values)
             batch.run(1, None)
             statuses = _statuses(batch)
             if None not in statuses:
@@ -293,9 +292,7 @@ class Prepared:
     ) -> Ensemble:
         """The ends of a block: rows that are small throughout have an absolute tolerance of their own."""
         checked = self.checked
-        if "atol" in self.options:
-            return carried(states, values, checked)
-        if not small(states, checked.rtol).any():
+        if "atol" in self.options or not small(states, checked.rtol).any():
             return carried(states, values, checked)
         atol = default_atols(self.system, states, self.span, values, checked)
         levels = np.unique(atol).tolist()
@@ -309,8 +306,7 @@ class Prepared:
                 break
             order.append(at)
             parts.append(carried(states[at], values[at], self._with_atol(level)))
-        left = np.setdiff1d(np.arange(len(states)), np.concatenate(order))
-        whole = np.concatenate([*order, left])
+        whole = np.concatenate([*order, np.setdiff1d(np.arange(len(states)), np.concatenate(order))])
         return _permuted(_joined(parts, states[whole], self.span), np.argsort(whole))
 
     def _with_atol(self, atol: float) -> Options:
@@ -444,15 +440,13 @@ def _of_limit(batch: Batch, q: int) -> str:
 
 def _statuses(batch: Batch) -> list[Status | None]:
     """How each row ended; None where `solve` decides, also of rows that got nowhere at last."""
-    code = batch.code
-    listed = code.tolist()
+    listed = batch.code.tolist()
     first = listed[0] if listed else UNFINISHED
     if first not in _BUDGETS and listed.count(first) == len(listed):
         return [_STATUS.get(first)] * len(listed)
     step, t, t_end = (batch.clock.column(name) for name in ("step", "t", "t_end"))
-    stuck = np.isin(code, _BUDGETS) & (step < STUCK * np.abs(t_end - t))
-    known: list[Status | None] = _OF_CODE[np.where(stuck, codes.GENERAL, code) - UNFINISHED].tolist()
-    return known
+    stuck = np.isin(batch.code, _BUDGETS) & (step < STUCK * np.abs(t_end - t))
+    return list(_OF_CODE[np.where(stuck, codes.GENERAL, batch.code) - UNFINISHED].tolist())
 
 
 @lru_cache(maxsize=64)
