@@ -1,5 +1,6 @@
 """Bodies on two supports, rocking blocks, stacks on a moving table: laws of impact, closed forms."""
 
+import itertools
 import math
 import os
 from functools import cache
@@ -63,6 +64,23 @@ def test_11_2_bodies_on_two_supports_stay_above_them_and_come_to_rest(shape: str
         run = solve(block(), start, (0, 2), parameters=values, zeno="continue", max_events=20_000)
         assert run.success or run.status in NAMED, (k, run.message)
         assert not broken(run, values), (k, start, values)
+
+
+def test_dense_output_of_a_flight_that_ends_at_an_impact_is_its_parabola() -> None:
+    """Whether the step to the impact was found at once or corrected: to rounding, not only to rtol."""
+    random = np.random.default_rng(2)
+    for k in range(max(DRAWS, 30)):
+        b, d, e = random.uniform(0.3, 1), random.uniform(0.5, 1.5), random.uniform(0.0, 0.8, 2)
+        values = {"e_left": e[0], "e_right": e[1], "b": b, "d": d, "J": (b**2 + d**2) / 3}
+        q = random.uniform(-0.2, 0.2)
+        start = (abs(b * math.sin(q)) + d * math.cos(q) + 0.2, q, 0.0, random.uniform(-2, 2))
+        run = solve(block(), start, (0, 2), parameters=values, max_events=20_000, zeno="stop")
+        flights = [event for event in run.events if event.after == (1, 1)]
+        ends = [(0.0, np.array(start)), *((event.t, event.x_after) for event in flights)]
+        for (t0, x0), (t1, _) in itertools.pairwise(ends):
+            later = np.linspace(t0, t1, 13)[1:-1] - t0
+            exact = x0[0] + x0[2] * later - 5 * later**2
+            np.testing.assert_allclose(run.sol(t0 + later)[0], exact, rtol=0, atol=1e-12, err_msg=f"draw {k}")
 
 
 def test_11_2_a_seesaw_let_down_on_its_other_support() -> None:

@@ -129,10 +129,12 @@ def _beside_set(event_map: ScalarMap, first: float) -> tuple[ScalarMap, Array, A
     near, least = near_set(event_map, first)
     count = max(2, 1 + int(PER_DECADE * np.log10(max(abs(first) / least, 1.0))))
     d = np.sort(first * np.geomspace(1.0, min(least / abs(first), 0.5), count))
-    gap = near(d) - d
-    # R(d) = d to so many digits is rounding: the solution came back before it left.
-    left = np.isfinite(gap) & (np.abs(gap) > _SAME * np.abs(d))
-    return near, d[left], gap[left]
+    # R(d) = d to so many digits is rounding: the solution came back before it left, which hides one return.
+    once, reached, left = near.remake(order=1), d, np.ones(d.shape, dtype=bool)
+    for _ in range(near.order):
+        before, reached = reached, np.asarray(once(reached))
+        left &= np.isfinite(reached) & (np.abs(reached - before) > _SAME * np.abs(before))
+    return near, d[left], (reached - d)[left]
 
 
 def _told(at_set: FixedPoint, d: Array, gap: Array) -> FixedPoint:

@@ -143,6 +143,8 @@ def land(
 ) -> tuple[int, float, float, float]:
     """Step from (t, x) to the event on surface i near theta; its state goes to xe.
 
+    Where that is corrected after the last step of the method, the end of this step goes to w.xd.
+
     Returns (code, step taken to the event, step of its dense output, |guard| left).
     """
     h, f, xm, row = w.h, w.f, w.xm, w.row
@@ -191,6 +193,7 @@ def land(
             code = go(t, x, p, m, length, line, xe, w, iw, ctx)
             continue
         for j in range(N):
+            w.xd[j] = xe[j] if length == dense_length else w.xd[j]
             xm[j] = xe[j] + 0.5 * delta * f[j]
         code = field(te + 0.5 * delta, xm, p, m, f, w, iw, ctx)
         for j in range(N):

@@ -331,7 +331,10 @@ def arrive(run: Trajectory) -> int:
         now.dense_length = length
     if count.store != 0 and te != t:
         dense, last_k = now.dense_length, shift(w.k, (STAGES - 1) * N)
-        field(t + dense, w.xe, run.p, run.m, last_k, w, run.iw, run.ctx)
+        # The last stage is that of the step whose stages are there, not of what was corrected since.
+        for j in range(N):
+            w.xd[j] = w.xe[j] if dense == now.length else w.xd[j]
+        field(t + dense, w.xd, run.p, run.m, last_k, w, run.iw, run.ctx)
         other_stages(t, run.x, run.p, run.m, dense, now.line != 0, w, run.iw, run.ctx)
         dense_output(run.x, dense, w)
         store_step(count, t, dense, run.rec, run.rec_coef, w)

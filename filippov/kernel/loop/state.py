@@ -233,6 +233,7 @@ class Scratch(Struct):
     y: Vector = part(lambda of: of.n)
     stage: Vector = part(lambda of: of.n)
     xe: Vector = part(lambda of: of.n)
+    xd: Vector = part(lambda of: of.n)
     f: Vector = part(lambda of: of.n)
     xm: Vector = part(lambda of: of.n)
     h: Vector = part(lambda of: of.m)
