@@ -20,10 +20,9 @@ from filippov.analysis.algebra.polynomial import exact
 from filippov.analysis.algebra.time_bounds import bounds
 from filippov.analysis.steady.branches import DegenerateError, Elimination, Family, UnsolvedError
 from filippov.analysis.steady.clocks import after, mover
-from filippov.analysis.steady.equilibria_numeric import NumericMode
+from filippov.analysis.steady.equilibria_numeric import NumericMode, numeric_equilibria
 from filippov.analysis.steady.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet, Missing
 from filippov.analysis.steady.existence import FAR, Existence, ModeProblem
-from filippov.analysis.steady.scales import numeric_equilibria
 from filippov.analysis.steady.stops import with_stops
 from filippov.analysis.steady.time_signs import (
     SOON,
@@ -63,9 +62,9 @@ def equilibria(
     box         (least, greatest) by state where a numerical search is needed, +-10 by default
     budget      work, in millions of calls of Python functions (about a second each)
 
-    A mode whose equations cannot be solved in formulas is searched numerically from many starts in the box
-    and in boxes 1e-3, 1e-6 and 1e-9 of it, which may miss equilibria and is noted. A system of plain
-    functions is always searched so. Raises UsageError, ModelError.
+    A mode whose equations cannot be solved in formulas is searched numerically from many starts, which may
+    miss equilibria and is noted. A system of plain functions is always searched so. Raises UsageError,
+    ModelError.
     """
     p = system.parameters.resolve(parameters)
     numbers = tuple(zip(system.parameters.names, p.tolist(), strict=True))

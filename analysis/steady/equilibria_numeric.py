@@ -1,4 +1,4 @@
-"""Equilibria of one mode by Newton's method, for plain functions and unsolvable formulas (see `scales`)."""
+"""Equilibria of one mode by Newton's method from many starts, for plain functions and unsolvable formulas."""
 
 from __future__ import annotations
 
@@ -13,18 +13,12 @@ from sympy import Symbol
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.budget import Clock
-from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, PointKind
+from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Missing, PointKind
 from filippov.analysis.steady.existence import ModeProblem, multiplier_symbol
-from filippov.kernel.derivative.exact import Exact
-from filippov.kernel.derivative.overloaded import overloaded
 from filippov.model.system import System
 
-# Of the equations, and of the Newton step that is left, relative to what is of order 1; passes of the search.
-RESIDUAL, STEP, PASSES = 1e-9, 1e-5, 4
-# Steps of Newton's method with exact slopes, whose singular values below EXACT are 0, and of balancing them.
-POLISHING, EXACT, BALANCING = 100, 1e-10, 6
-# Steps get shorter by this factor at least; towards a zero of multiplicity m it is 1 - 1/m.
-FASTER = 0.95
+STARTS = 48
+RESIDUAL = 1e-9
 EDGE = 1e-8
 RANK = 1e-7
 DIGITS = 12
@@ -36,8 +30,7 @@ Array = npt.NDArray[np.float64]
 class NumericMode:
     """residual(y) = 0 under bounds(y) >= 0, y = (x, s): the states, then a multiplier a sliding surface.
 
-    slopes   the derivatives of the equations, or None where these take no dual numbers
-    strict   for each bound, whether it is g > 0; of_multipliers: whether it is one of a multiplier
+    strict   for each bound, whether it is g > 0
     limits   (lo, hi) of each multiplier, floats
     """
 
@@ -46,10 +39,8 @@ class NumericMode:
     names: tuple[str, ...]
     free: tuple[Symbol, ...]
     residual: Callable[[Array], Array]
-    slopes: Callable[[Array], Array | None]
     bounds: Callable[[Array], Array]
     strict: tuple[bool, ...]
-    of_multipliers: tuple[bool, ...]
     limits: tuple[tuple[float, float], ...]
 
     @classmethod
@@ -70,10 +61,8 @@ class NumericMode:
             problem.names,
             unknowns,
             lambda y: quiet(f, y),
-            _slopes(lambda y: quiet(f, y), overloaded(f)),
             lambda y: quiet(g, y),
             tuple(b.strict for b in problem.bounds),
-            tuple(bool(b.g.free_symbols & set(problem.sliding)) for b in problem.bounds),
             tuple((_limit(low, -1.0), _limit(high, 1.0)) for low, high in problem.limits),
         )
 
@@ -99,13 +88,6 @@ class NumericMode:
             f = np.asarray(field(t, y[:n].copy(), record, s), dtype=float).reshape(n)
             return np.concatenate([f, [h(i, y) for i in on]])
 
-        twin, guards = overloaded(field), [overloaded(system.surfaces[i].h) for i in on]
-
-        def of_dual(y: Any) -> list[Any]:
-            s = np.array(signs, dtype=object)
-            s[on] = y[n:]
-            return [*twin(t, y[:n], record, s), *(h(t, y[:n], record) for h in guards)]
-
         def limit(i: int, y: Array) -> tuple[float, float]:
             low, high = (
                 float(b(t, y[:n].copy(), record) if callable(b) else b) for b in system.surfaces[i].radius
@@ -123,14 +105,12 @@ class NumericMode:
                     out.append(m * h(i, y) + surface.width)
             return np.array(out)
 
-        strict, of_multipliers = list[bool](), list[bool]()
+        strict: list[bool] = []
         for surface, m in zip(system.surfaces, signs, strict=True):
             if m == 0:
                 strict += [False, False]
-                of_multipliers += [True, True]
             elif surface.kind != "observer":
                 strict.append(surface.kind == "switching")
-                of_multipliers.append(False)
         taken = {*system.states, *system.parameters.names}
         multipliers = [multiplier_symbol(system, i, len(on) == 1, taken) for i in on]
         return cls(
@@ -139,29 +119,50 @@ class NumericMode:
             tuple(system.surfaces[i].name for i in on),
             (*(Symbol(q, real=True) for q in system.states), *multipliers),
             residual,
-            _slopes(residual, of_dual),
             bounds,
             tuple(strict),
-            tuple(of_multipliers),
             tuple(limit(i, np.zeros(n)) for i in on),
         )
 
 
-def searched(
-    search: NumericMode, starts: list[Array], clock: Clock
+def numeric_equilibria(
+    search: NumericMode, ranges: list[tuple[float, float]], clock: Clock
 ) -> tuple[list[EquilibriumPoint | EquilibriumSet], list[str]]:
-    """What Newton's method finds from the starts, and notes; states, equations and bounds are of order 1."""
+    """Return what Newton's method finds from 48 starts in the ranges, and notes on what may be missed."""
+    from scipy.optimize import least_squares
+    from scipy.stats import qmc
+
+    box = np.array([*ranges, *search.limits])
+    cube = qmc.Sobol(len(box), scramble=False).random(64)[:STARTS]
+    starts = [box.mean(axis=1), *(box[:, 0] + (0.003 + 0.99 * cube) * (box[:, 1] - box[:, 0]))]
     found: list[EquilibriumPoint | EquilibriumSet] = []
     places: list[Array] = []
+    where = _box_text(search, ranges)
+    notes: list[str] = [
+        Missing(f"mode {search.mode!r} was searched numerically in {where}; some may be missed.")
+    ]
     for start in starts:
         clock.check()
-        y = _root(search, start)
-        if y is None or any(np.allclose(y, place, rtol=1e-6, atol=1e-7) for place in places):
+        try:
+            # The rounding level of f decides where differences for the slopes are taken.
+            result = least_squares(search.residual, start, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
+        except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+            continue
+        y = result.x
+        scale = 1.0 + float(np.max(np.abs(result.jac), initial=0.0))
+        if not np.all(np.isfinite(y)) or np.max(np.abs(result.fun)) > RESIDUAL * scale:
+            continue
+        if any(np.allclose(y, place, rtol=1e-6, atol=1e-7) for place in places):
             continue
         if any(isinstance(e, EquilibriumSet) and _on(e, search, y) for e in found):
             continue
         places.append(y)
-        null = _directions(search, y)
+        jacobian = _differences(search.residual, y)
+        null = np.zeros((0, len(y)))
+        # At the edge of where the field is defined there are no slopes, and no set is looked for.
+        if np.all(np.isfinite(jacobian)):
+            _, sizes, vt = linalg.svd(jacobian)
+            null = vt[int(np.sum(sizes > RANK * max(1.0, sizes[0]))) :]
         if len(null) == 1:
             line = _line(search, y, null[0])
             if line is not None:
@@ -170,104 +171,12 @@ def searched(
         point = _point(search, y)
         if point is None:
             continue
-        if len(null) > 1:
+        if len(null):
             text = f"{point.value} lies on a set of dimension {len(null)}, which is not traced."
-            return [*found, point], [f"mode {search.mode!r}: {text}"]
+            notes.append(f"mode {search.mode!r}: {text}")
+            return [*found, point], notes
         found.append(point)
-    return found, []
-
-
-def _root(search: NumericMode, start: Array) -> Array | None:
-    """A zero of the equations from a start; None where there is none, as of exp(-x) for large x."""
-    from scipy.optimize import least_squares
-
-    y, size, before = start, 1.0, np.inf
-    # Newton's method goes on from there where slopes are exact; else the rounding level of f decides where
-    # differences for them are taken.
-    least = 1e-9 if search.slopes(start) is not None else 1e-15
-    for _ in range(PASSES):
-        try:
-            with np.errstate(all="ignore"):
-                result = least_squares(
-                    lambda z, size=size: search.residual(z) / size, y, xtol=least, ftol=least, gtol=least,
-                    max_nfev=200,
-                )  # fmt: skip
-        except (ValueError, ArithmeticError, np.linalg.LinAlgError):
-            return None
-        slopes = size * result.jac
-        if not np.all(np.isfinite(result.x)) or not np.all(np.isfinite(slopes)):
-            return None
-        y, step = _polished(search, result.x, slopes)
-        left = float(np.max(np.abs(search.residual(y)), initial=0.0))
-        if not left <= RESIDUAL * (1.0 + float(np.max(np.abs(slopes)))):
-            return None
-        length = float(np.max(np.abs(step)))
-        if length <= STEP * (1.0 + float(np.max(np.abs(y)))):
-            return y
-        if not length <= FASTER * before:
-            return None
-        before = length
-        # A multiple zero: what is left is far below rounding of f at order 1, and has to count as that.
-        size = left
-    return None
-
-
-def _polished(search: NumericMode, y: Array, slopes: Array) -> tuple[Array, Array]:
-    """Newton's method with exact slopes from near a zero, and the step that is left; slopes: differences."""
-    step = linalg.lstsq(slopes, search.residual(y), rcond=RANK)[0]
-    before = np.inf
-    for _ in range(POLISHING):
-        exact = search.slopes(y)
-        if exact is None:
-            break
-        matrix, rows, columns = balanced(exact)
-        step = columns * linalg.lstsq(matrix, rows * search.residual(y), rcond=EXACT)[0]
-        length = float(np.max(np.abs(step)))
-        if not 1e-14 * float(np.max(np.abs(y))) < length < FASTER * before:
-            break
-        before = length
-        if not np.all(np.isfinite(search.residual(y - step))):
-            break
-        y = y - step
-    return y, step
-
-
-def _directions(search: NumericMode, y: Array) -> Array:
-    """Directions along which the equations hold to first order, one a row."""
-    exact = search.slopes(y)
-    matrix = _differences(search.residual, y) if exact is None else exact
-    # At the edge of where the field is defined there are no slopes, and no set is looked for.
-    if not np.all(np.isfinite(matrix)):
-        return np.zeros((0, len(y)))
-    if exact is None:
-        _, sizes, vt = linalg.svd(matrix)
-        return np.asarray(vt[int(np.sum(sizes > RANK * max(1.0, sizes[0]))) :])
-    # States may have units of their own, which make slopes small beside others.
-    matrix, _, columns = balanced(exact)
-    _, sizes, vt = linalg.svd(matrix)
-    return np.asarray(vt[int(np.sum(sizes > EXACT)) :] * columns)
-
-
-def balanced(matrix: Array) -> tuple[Array, Array, Array]:
-    """The matrix with rows and columns over the roots of their largest entries, and the factors of both."""
-    rows, columns = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
-    for _ in range(BALANCING):
-        now = np.abs(rows[:, None] * matrix * columns)
-        for factors, largest in ((rows, now.max(axis=1)), (columns, now.max(axis=0))):
-            factors[largest > 0.0] /= np.sqrt(largest[largest > 0.0])
-    return rows[:, None] * matrix * columns, rows, columns
-
-
-def _slopes(
-    function: Callable[[Array], Array], twin: Callable[[Any], Any]
-) -> Callable[[Array], Array | None]:
-    exact = Exact(function, twin)
-
-    def slopes(y: Array) -> Array | None:
-        found = exact(y)
-        return None if found is None else found[1]
-
-    return slopes
+    return found, notes
 
 
 def _differences(f: Callable[[Array], Array], y: Array) -> Array:
@@ -290,8 +199,8 @@ def _point(search: NumericMode, y: Array) -> EquilibriumPoint | None:
     return EquilibriumPoint(
         search.mode,
         search.x,
-        tuple(rounded(v) for v in y[:n]),
-        tuple(zip(search.names, (rounded(v) for v in y[n:]), strict=True)),
+        tuple(_rounded(v) for v in y[:n]),
+        tuple(zip(search.names, (_rounded(v) for v in y[n:]), strict=True)),
         tuple(y[:n].tolist()),
         tuple(y[n:].tolist()),
         "boundary equilibrium" if np.any(edge) else kind,
@@ -319,14 +228,14 @@ def _line(search: NumericMode, y: Array, direction: Array) -> EquilibriumSet | N
     if not low < high:
         return None
     c = search.free[lead]
-    formulas = [rounded(a) + rounded(b) * c for a, b in zip(origin, slope, strict=True)]
+    formulas = [_rounded(a) + _rounded(b) * c for a, b in zip(origin, slope, strict=True)]
     formulas[lead] = c
     ends = []
     for end in (low, high) if np.isfinite(low) and np.isfinite(high) else ():
         point = _point(replace(search, strict=(False,) * len(search.strict)), origin + end * slope)
         if point is not None:
             ends.append(point)
-    domain = tuple(sympy.oo * s if not np.isfinite(e) else rounded(e) for e, s in ((low, -1), (high, 1)))
+    domain = tuple(sympy.oo * s if not np.isfinite(e) else _rounded(e) for e, s in ((low, -1), (high, 1)))
     return EquilibriumSet(
         search.mode,
         search.x,
@@ -346,7 +255,7 @@ def _on(line: EquilibriumSet, search: NumericMode, y: Array) -> bool:
     return bool(np.allclose(place, y[: len(place)], rtol=1e-5, atol=1e-5))
 
 
-def rounded(value: Any) -> sympy.Expr:
+def _rounded(value: Any) -> sympy.Expr:
     """Return a float with 12 digits, and 0 for what is rounding."""
     number = float(value)
     if abs(number) < 1e-11:
@@ -357,3 +266,7 @@ def rounded(value: Any) -> sympy.Expr:
 
 def _limit(expression: sympy.Expr, otherwise: float) -> float:
     return float(expression) if expression.is_number else otherwise
+
+
+def _box_text(search: NumericMode, ranges: list[tuple[float, float]]) -> str:
+    return ", ".join(f"{x} in [{a:g}, {b:g}]" for x, (a, b) in zip(search.x, ranges, strict=True))
