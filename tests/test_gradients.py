@@ -96,6 +96,8 @@ def test_11_11_any_smooth_h_at_any_scale(size, length, c, x, entry):
     assert run(slopes).success
     with pytest.raises(ModelError, match="surface 's': gradient gives"):
         run(off)
+
+
 LOCAL = {
     "step": np.tanh,
     "bell": lambda u: 1 / (1 + u * u),

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -83,7 +83,6 @@ class Dual:
     """The number value + slope eps of a level; numbers of lower levels are constants to it."""
 
     __slots__ = ("level", "slope", "value")
-    __hash__: ClassVar[None]  # type: ignore[assignment]
 
     def __init__(self, level: int, value: Any, slope: Any) -> None:
         self.level, self.value, self.slope = level, value, slope
