@@ -20,6 +20,8 @@ class Interpolant:
     coef         (steps, powers, n): x = sum_j coef[j] theta**j, theta = (t - start) / step
     jumps        times at which the state jumps (resets); there `side` tells which value is meant
 
+    Its error is a few times the tolerance of the run. Along a plane h = 0 holds to rounding, along a curved
+    surface to that error; the ends of the steps lie on the surface.
     Raises UsageError outside the solved span and for NaN: nothing is extrapolated.
     """
 
