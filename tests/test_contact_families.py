@@ -61,7 +61,7 @@ def test_11_2_bodies_on_two_supports_stay_above_them_and_come_to_rest(shape: str
         lowest = abs(b * math.sin(q)) + d * math.cos(q)
         lifted = random.choice([0.0, random.uniform(0, 0.3)])
         start = (lowest + lifted, q, 0.0, 0.0 if lifted == 0.0 else random.uniform(-0.3, 0.3))
-        # Between its steps a run is exact to a few times its tolerance: 5e-9 for bodies of this size by default.
+        # Between its steps a run is exact to a few times its tolerance: by default 5e-9 for such bodies.
         options = {"zeno": "continue", "max_events": 20_000, "rtol": 1e-10}
         run = solve(block(), start, (0, 2), parameters=values, **options)
         assert run.success or run.status in NAMED, (k, run.message)

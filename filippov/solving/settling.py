@@ -19,6 +19,7 @@ from filippov.solving.resets.zeno import (
     WITHIN,
     Accumulation,
     accumulates,
+    bounces_on,
     accumulation,
     also_reached,
     beyond,
@@ -188,7 +189,8 @@ class Settling(ABC):
     def _decided(self, active: list[int], reached: Sequence[int], triggered: Sequence[int]) -> Ended:
         """Decide events by resets, by sliding of higher order, or by the modes that can follow."""
         if active or bouncing(self.run, [i for i in triggered if self.run.trigger[i] == codes.ROOT]):
-            return self._reset(active, triggered)
+            ended = self._reset(active, triggered)
+            return ended or (self._zeno() if bounces_on(self.run) else None)
         if seen := watched(self.run, triggered):
             return self._observed(seen, reached, [i for i in triggered if i not in seen])
         if self.higher.active is not None:

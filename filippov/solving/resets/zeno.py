@@ -246,7 +246,7 @@ def accumulates(run: Run) -> bool:
     if len(run.events) < back:
         return False
     near = _near_end(run)
-    if run.events[-1].kind is EventKind.CROSSING:
+    if run.events[-1].kind in (EventKind.CROSSING, EventKind.RESET):
         speed, scale, known = _depth(run)
         shallow = run.machine.call("shallow", speed=speed, scale=scale, known=known, length=_interval(run))
         near = np.inf if shallow else near
@@ -256,6 +256,17 @@ def accumulates(run: Run) -> bool:
     if limit is None or beyond(run, limit) or abs(limit.t - run.t) > near:
         return False
     return not distant(run, limit) and not interrupted(run, limit)
+
+
+def bounces_on(run: Run) -> bool:
+    """Whether resets without a contact, each onto the surface of the next, have come near their limit.
+
+    The compiled loop counts the cycles of what it decides by itself, not of these.
+    """
+    if not run.events or run.events[-1].kind is not EventKind.RESET:
+        return False
+    i = run.events[-1].index
+    return i < run.machine.m and not run.machine.contacts[i] and accumulates(run)
 
 
 def distant(run: Run, limit: Accumulation) -> bool:
