@@ -27,6 +27,7 @@ from filippov.solving.resets.zeno import (
     distant,
     interrupted,
     lawful,
+    not_before,
     rest_on_contact,
     second_order,
     sentence,
@@ -117,6 +118,7 @@ class Settling(ABC):
             return self._budgets()
         if (limit.t - float(run.clock.t_end)) * run.direction > 0.0:
             limit = replace(limit, t=float(run.clock.t_end))
+        limit = not_before(run, limit)
         self.accumulations.append(limit)
         detail = sentence(limit.t, limit.error, limit.x, limit.x_error)
         if self.options.zeno == "stop":

@@ -178,6 +178,18 @@ def _at_rest(run: Run, limit: Accumulation) -> Accumulation:
     return replace(limit, x=x, x_error=x_error, bend=bend)
 
 
+def not_before(run: Run, limit: Accumulation) -> Accumulation:
+    """The limit, or the last event where that is later: cycles that only rounding went on with.
+
+    What has moved since then, the surface too, is not where the law puts it: both errors are as large as that.
+    """
+    late = (run.t - limit.t) * run.direction
+    if late <= limit.error:
+        return limit
+    x_error = limit.x_error + float(np.max(np.abs(run.x - limit.x)))
+    return replace(limit, t=run.t, x=run.x.copy(), error=limit.error + late, x_error=x_error)
+
+
 def interrupted(run: Run, limit: Accumulation) -> bool:
     """Whether another surface is reached before the limit: then only finitely many of the cycles take place.
 
