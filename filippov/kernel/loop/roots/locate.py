@@ -42,6 +42,8 @@ from filippov.kernel.tables.layout import CHECKS, SPLITS
 from filippov.kernel.tables.root_tables import DEGREE, NO_ROOT, NODES, TANGENT_ROOT, TO_BERNSTEIN
 
 NOISY = 64.0
+# The rounding of a guard that is linear, in those of its terms.
+PLANE = 4.0
 LEAVES = 16
 # The largest rounding of a guard that contains a root, relative to its magnitude on the step.
 STEEP = 1e-9
@@ -282,6 +284,11 @@ def row_root(
         grain = noise if noise >= 0.0 else noise_in(i, t, step, lo + 0.5 * width, p, m, w, ctx)
         # A guard that is all rounding has no events.
         if high <= NOISY * grain and low >= -NOISY * grain:
+            return NO_ROOT, 2.0, degree
+    elif m[i] != 0.0 and degree < DEGREE and not straight(iw):
+        # A plane that is left so slowly that the step moves the terms of its guard by no more than rounding.
+        grain = PLANE * EPS * guard_scale(i, t, w.coef, w)
+        if high <= grain and low >= -grain:
             return NO_ROOT, 2.0, degree
     kind, u = first_root(c, degree, touch, w.stack, w.bounds, w.work)
     if m[i] == 0.0 and kind != NO_ROOT and c[0] > 2.0 * dip > 0.0:
