@@ -258,7 +258,7 @@ def accumulates(run: Run) -> bool:
     if len(run.events) < back:
         return False
     near = _near_end(run)
-    if run.events[-1].kind in (EventKind.CROSSING, EventKind.RESET):
+    if run.events[-1].kind is EventKind.CROSSING or _without_contact(run):
         speed, scale, known = _depth(run)
         shallow = run.machine.call("shallow", speed=speed, scale=scale, known=known, length=_interval(run))
         near = np.inf if shallow else near
@@ -275,10 +275,13 @@ def bounces_on(run: Run) -> bool:
 
     The compiled loop counts the cycles of what it decides by itself, not of these.
     """
-    if not run.events or run.events[-1].kind is not EventKind.RESET:
-        return False
-    i = run.events[-1].index
-    return i < run.machine.m and not run.machine.contacts[i] and accumulates(run)
+    return len(run.events) > 0 and _without_contact(run) and accumulates(run)
+
+
+def _without_contact(run: Run) -> bool:
+    """Whether the last event is a reset of a surface on which nothing rests."""
+    last = run.events[-1]
+    return last.kind is EventKind.RESET and last.index < run.machine.m and not run.machine.contacts[last.index]
 
 
 def distant(run: Run, limit: Accumulation) -> bool:
