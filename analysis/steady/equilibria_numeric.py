@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,16 +11,17 @@ import numpy.typing as npt
 import sympy
 from sympy import Symbol
 
-from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.budget import Clock
+from filippov.analysis.steady.dimensionless import in_units, sizes, units
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Missing, PointKind
 from filippov.analysis.steady.existence import ModeProblem, multiplier_symbol
+from filippov.analysis.steady.newton import RESIDUAL, differences, null_space, zero
 from filippov.model.system import System
 
 STARTS = 48
-RESIDUAL = 1e-9
+# The neighbourhood of a multiple zero in which the equations hold to rounding, in Newton's steps.
+NEIGHBOURHOOD = 20.0
 EDGE = 1e-8
-RANK = 1e-7
 DIGITS = 12
 
 Array = npt.NDArray[np.float64]
@@ -30,7 +31,7 @@ Array = npt.NDArray[np.float64]
 class NumericMode:
     """residual(y) = 0 under bounds(y) >= 0, y = (x, s): the states, then a multiplier a sliding surface.
 
-    strict   for each bound, whether it is g > 0
+    strict   for each bound, whether it is g > 0; of_multipliers: whether it is one of a multiplier
     limits   (lo, hi) of each multiplier, floats
     """
 
@@ -41,6 +42,7 @@ class NumericMode:
     residual: Callable[[Array], Array]
     bounds: Callable[[Array], Array]
     strict: tuple[bool, ...]
+    of_multipliers: tuple[bool, ...]
     limits: tuple[tuple[float, float], ...]
 
     @classmethod
@@ -63,6 +65,7 @@ class NumericMode:
             lambda y: quiet(f, y),
             lambda y: quiet(g, y),
             tuple(b.strict for b in problem.bounds),
+            tuple(bool(b.g.free_symbols & set(problem.sliding)) for b in problem.bounds),
             tuple((_limit(low, -1.0), _limit(high, 1.0)) for low, high in problem.limits),
         )
 
@@ -105,12 +108,14 @@ class NumericMode:
                     out.append(m * h(i, y) + surface.width)
             return np.array(out)
 
-        strict: list[bool] = []
+        strict, of_multipliers = list[bool](), list[bool]()
         for surface, m in zip(system.surfaces, signs, strict=True):
             if m == 0:
                 strict += [False, False]
+                of_multipliers += [True, True]
             elif surface.kind != "observer":
                 strict.append(surface.kind == "switching")
+                of_multipliers.append(False)
         taken = {*system.states, *system.parameters.names}
         multipliers = [multiplier_symbol(system, i, len(on) == 1, taken) for i in on]
         return cls(
@@ -121,6 +126,7 @@ class NumericMode:
             residual,
             bounds,
             tuple(strict),
+            tuple(of_multipliers),
             tuple(limit(i, np.zeros(n)) for i in on),
         )
 
@@ -129,63 +135,80 @@ def numeric_equilibria(
     search: NumericMode, ranges: list[tuple[float, float]], clock: Clock
 ) -> tuple[list[EquilibriumPoint | EquilibriumSet], list[str]]:
     """Return what Newton's method finds from 48 starts in the ranges, and notes on what may be missed."""
-    from scipy.optimize import least_squares
     from scipy.stats import qmc
 
     box = np.array([*ranges, *search.limits])
+    unit = units(box, len(search.x))
     cube = qmc.Sobol(len(box), scramble=False).random(64)[:STARTS]
     starts = [box.mean(axis=1), *(box[:, 0] + (0.003 + 0.99 * cube) * (box[:, 1] - box[:, 0]))]
+    scaled = _dimensionless(search, unit, starts)
+    missing = Missing(
+        f"mode {search.mode!r} was searched numerically in {_box_text(search, ranges)}; some may be missed."
+    )
+    found, notes = _searched(scaled, [start / unit for start in starts], box / unit[:, None], clock)
+    return [in_units(item, unit) for item in found], [missing, *notes]
+
+
+def _dimensionless(search: NumericMode, unit: Array, starts: list[Array]) -> NumericMode:
+    """The mode with its states in units, each equation and bound over its size at the starts."""
+    rows, bounds = sizes(search.residual, starts), sizes(search.bounds, starts)
+    # Multipliers are of order 1 as they are.
+    bounds[list(search.of_multipliers)] = 1.0
+    return replace(
+        search,
+        residual=lambda z: search.residual(z * unit) / rows,
+        bounds=lambda z: search.bounds(z * unit) / bounds,
+    )
+
+
+def _searched(
+    search: NumericMode, starts: list[Array], box: Array, clock: Clock
+) -> tuple[list[EquilibriumPoint | EquilibriumSet], list[str]]:
+    """What is found from the starts, and notes."""
     found: list[EquilibriumPoint | EquilibriumSet] = []
-    places: list[Array] = []
-    where = _box_text(search, ranges)
-    notes: list[str] = [
-        Missing(f"mode {search.mode!r} was searched numerically in {where}; some may be missed.")
-    ]
-    for start in starts:
-        clock.check()
-        try:
-            # The rounding level of f decides where differences for the slopes are taken.
-            result = least_squares(search.residual, start, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
-        except (ValueError, ArithmeticError, np.linalg.LinAlgError):
-            continue
-        y = result.x
-        scale = 1.0 + float(np.max(np.abs(result.jac), initial=0.0))
-        if not np.all(np.isfinite(y)) or np.max(np.abs(result.fun)) > RESIDUAL * scale:
-            continue
-        if any(np.allclose(y, place, rtol=1e-6, atol=1e-7) for place in places):
-            continue
+    for y in _zeros(search, starts, clock):
         if any(isinstance(e, EquilibriumSet) and _on(e, search, y) for e in found):
             continue
-        places.append(y)
-        jacobian = _differences(search.residual, y)
+        jacobian = differences(search.residual, y)
         null = np.zeros((0, len(y)))
         # At the edge of where the field is defined there are no slopes, and no set is looked for.
         if np.all(np.isfinite(jacobian)):
-            _, sizes, vt = linalg.svd(jacobian)
-            null = vt[int(np.sum(sizes > RANK * max(1.0, sizes[0]))) :]
+            null = null_space(jacobian)
         if len(null) == 1:
-            line = _line(search, y, null[0])
+            line = _line(search, y, null[0], box, np.maximum(1.0, np.max(np.abs(jacobian), axis=1)))
             if line is not None:
                 found.append(line)
                 continue
         point = _point(search, y)
         if point is None:
             continue
-        if len(null):
+        if len(null) > 1:
             text = f"{point.value} lies on a set of dimension {len(null)}, which is not traced."
-            notes.append(f"mode {search.mode!r}: {text}")
-            return [*found, point], notes
+            return [*found, point], [f"mode {search.mode!r}: {text}"]
         found.append(point)
-    return found, notes
+    return found, []
 
 
-def _differences(f: Callable[[Array], Array], y: Array) -> Array:
-    columns = []
-    for k in range(len(y)):
-        step = np.zeros(len(y))
-        step[k] = 1e-6 * max(1.0, abs(y[k]))
-        columns.append((f(y + step) - f(y - step)) / (2 * step[k]))
-    return np.array(columns).T
+def _zeros(search: NumericMode, starts: list[Array], clock: Clock) -> Iterator[Array]:
+    """The zeros reached from the starts, in their order, each once.
+
+    Near a multiple zero Newton's method ends anywhere where the equations hold to rounding.
+    """
+    known: list[tuple[Array, float]] = []
+    for start in starts:
+        clock.check()
+        got = zero(search.residual, start)
+        if got is None:
+            continue
+        y, length = got
+        if not any(_same(y, length, other, reach) for other, reach in known):
+            known.append(got)
+            yield y
+
+
+def _same(y: Array, length: float, other: Array, reach: float) -> bool:
+    near = np.max(np.abs(y - other)) <= NEIGHBOURHOOD * (length + reach)
+    return bool(near) or np.allclose(y, other, rtol=1e-8, atol=1e-11)
 
 
 def _point(search: NumericMode, y: Array) -> EquilibriumPoint | None:
@@ -208,15 +231,19 @@ def _point(search: NumericMode, y: Array) -> EquilibriumPoint | None:
     )
 
 
-def _line(search: NumericMode, y: Array, direction: Array) -> EquilibriumSet | None:
-    """The straight set through y, if the equations hold along it; its ends from the bounds."""
+def _line(
+    search: NumericMode, y: Array, direction: Array, box: Array, rates: Array
+) -> EquilibriumSet | None:
+    """The straight set through y, if the equations hold along it; its ends from the bounds.
+
+    rates: the largest slope of each equation
+    """
     n = len(search.x)
     on_s = [n + k for k in range(len(search.names)) if abs(direction[n + k]) > 1e-6]
     lead = on_s[0] if on_s else int(np.argmax(np.abs(direction)))
     slope = direction / direction[lead]
     origin = y - y[lead] * slope
-    probes = [origin + c * slope for c in (-1.0, -0.3, 0.5, 1.0)]
-    if any(np.max(np.abs(search.residual(q))) > 1e3 * RESIDUAL * (1 + np.max(np.abs(q))) for q in probes):
+    if not all(_holds(search, origin + c * slope, rates) for c in (-1.0, -0.3, 0.5, 1.0)):
         return None
     g0, g1 = search.bounds(origin), search.bounds(origin + slope)
     low, high = -np.inf, np.inf
@@ -225,7 +252,9 @@ def _line(search: NumericMode, y: Array, direction: Array) -> EquilibriumSet | N
             low, high = (max(low, -a / b), high) if b > 0 else (low, min(high, -a / b))
         elif a < -EDGE:
             return None
-    if not low < high:
+    # Small slopes are no set where the equations do not hold at the ends of the range either.
+    first, last = max(low, box[lead, 0]), min(high, box[lead, 1])
+    if not low < high or not all(_holds(search, origin + c * slope, rates) for c in (first, last)):
         return None
     c = search.free[lead]
     formulas = [_rounded(a) + _rounded(b) * c for a, b in zip(origin, slope, strict=True)]
@@ -247,6 +276,10 @@ def _line(search: NumericMode, y: Array, direction: Array) -> EquilibriumSet | N
         tuple(ends),
         exact=False,
     )
+
+
+def _holds(search: NumericMode, y: Array, rates: Array) -> bool:
+    return bool(np.max(np.abs(search.residual(y) / rates)) <= 1e3 * RESIDUAL * (1.0 + np.max(np.abs(y))))
 
 
 def _on(line: EquilibriumSet, search: NumericMode, y: Array) -> bool:

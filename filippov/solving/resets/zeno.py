@@ -181,7 +181,7 @@ def _at_rest(run: Run, limit: Accumulation) -> Accumulation:
 def not_before(run: Run, limit: Accumulation) -> Accumulation:
     """The limit, or the last event where that is later: cycles that only rounding went on with.
 
-    What has moved since then, the surface too, is not where the law puts it: both errors are as large as that.
+    What has moved since then, the surface too, is not where the law puts it: the errors are as large.
     """
     late = (run.t - limit.t) * run.direction
     if late <= limit.error:
@@ -280,8 +280,8 @@ def bounces_on(run: Run) -> bool:
 
 def _without_contact(run: Run) -> bool:
     """Whether the last event is a reset of a surface on which nothing rests."""
-    last = run.events[-1]
-    return last.kind is EventKind.RESET and last.index < run.machine.m and not run.machine.contacts[last.index]
+    last, machine = run.events[-1], run.machine
+    return last.kind is EventKind.RESET and last.index < machine.m and not machine.contacts[last.index]
 
 
 def distant(run: Run, limit: Accumulation) -> bool:
