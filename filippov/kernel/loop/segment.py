@@ -25,7 +25,7 @@ from filippov.kernel.loop.model import (
     N,
     radii,
 )
-from filippov.kernel.loop.resolve import side_rates, widen
+from filippov.kernel.loop.resolve import BACKWARDS, side_rates, widen
 from filippov.kernel.loop.state import Clock, Integers, Scratch, Trajectory
 from filippov.kernel.tables.codes import (
     AGAIN,
@@ -35,6 +35,7 @@ from filippov.kernel.tables.codes import (
     NOT_FINITE,
     OBSERVER,
     REACHED,
+    SWITCHING,
     USER_ERROR,
 )
 
@@ -71,6 +72,10 @@ def renew_state(
             w.touch[i] = rtol * guard_scale(i, t, x, w)
             for a in range(G_FIRST[i], G_FIRST[i + 1]):
                 w.touch[i] += atol[G_COLUMN[a]] * abs(w.g[i * N + G_COLUMN[a]])
+            # Backwards in time a slide that was left is met in a tangency, whose h is as accurate as what the
+            # motion has gone through, and not as it is itself where it starts.
+            if w.direction < 0.0 and ROLE[i] == SWITCHING:
+                w.touch[i] *= BACKWARDS
     return REACHED
 
 
