@@ -226,6 +226,15 @@ def row_polynomial(
     return (1 if max(-low, high) > known else -1), noise
 
 
+@kernel
+def hardly_moves(low: float, high: float, w: Scratch) -> bool:
+    """Whether a guard stays so near 0 on the step that its rounding is to be looked at."""
+    size = 0.0
+    for j in range(N):
+        size = max(size, abs(w.coef[j]))
+    return max(high, -low) <= 1e-10 * size
+
+
 @inline
 @kernel
 def row_root(
@@ -285,9 +294,11 @@ def row_root(
         # A guard that is all rounding has no events.
         if high <= NOISY * grain and low >= -NOISY * grain:
             return NO_ROOT, 2.0, degree
-    elif m[i] != 0.0 and degree < DEGREE and not straight(iw):
-        # A plane that is left so slowly that the step moves the terms of its guard by no more than rounding.
-        grain = PLANE * EPS * guard_scale(i, t, w.coef, w)
+    elif m[i] != 0.0 and hardly_moves(low, high, w):
+        # A plane that is left so slowly that the step moves the terms of its guard by no more than rounding, or
+        # a guard that is 0 in a whole region, where its terms cancel and show no scale.
+        grain = PLANE * EPS * guard_scale(i, t, w.coef, w) if degree < DEGREE else 0.0
+        grain = max(grain, NOISY * guard_noise(i, t, w.coef, p, m, w, ctx))
         if high <= grain and low >= -grain:
             return NO_ROOT, 2.0, degree
     kind, u = first_root(c, degree, touch, w.stack, w.bounds, w.work)
