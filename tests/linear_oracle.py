@@ -201,6 +201,8 @@ def first_zero(
     """
     count = max(int(np.ceil(end / dt)) - 1, 0)
     values = grid(dt, count)
+    # How far a guard may dip between two points of the grid: what a parabola through three of them would.
+    bent = np.abs(np.diff(values, 2, axis=0)) if count > 1 else np.zeros((1, values.shape[1]))
     previous, past = 0.0, values[0]
     for k in range(1, count + 2):
         time = k * dt if k <= count else end
@@ -223,7 +225,11 @@ def first_zero(
                 raise NotGenericError
             return roots[0]
         # Twice down and up again between two points of the grid would not be seen.
-        close = (value < 2e-3) | ((past < 2e-3) & (previous > 0.0))
+        dips = np.max(bent[max(min(k, len(bent)) - 2, 0) : k], axis=0) / 2
+        shallow = np.maximum(2e-3, dips)
+        close = (value < shallow) | ((past < shallow) & (previous > 0.0))
+        if skip >= 0 and previous == 0.0 and past[skip] > 1e-9 and min(past[skip], value[skip]) < dips[skip]:
+            raise NotGenericError
         if np.any(close & (np.arange(len(value)) != skip)) or (
             close[skip] if skip >= 0 and previous > 0.05 else False
         ):

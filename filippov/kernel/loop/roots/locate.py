@@ -295,7 +295,7 @@ def row_root(
         if high <= NOISY * grain and low >= -NOISY * grain:
             return NO_ROOT, 2.0, degree
     elif m[i] != 0.0 and hardly_moves(low, high, w):
-        # A plane that is left so slowly that the step moves the terms of its guard by no more than rounding, or
+        # A plane that is left so slowly that the step moves the terms of its guard by rounding only, or
         # a guard that is 0 in a whole region, where its terms cancel and show no scale.
         grain = PLANE * EPS * guard_scale(i, t, w.coef, w) if degree < DEGREE else 0.0
         grain = max(grain, NOISY * guard_noise(i, t, w.coef, p, m, w, ctx))
