@@ -60,6 +60,7 @@ def unit_constants(
         "AFFINE": affine,
         "NON_LIPSCHITZ": is_non_lipschitz,
         "CLAMPED": is_non_lipschitz and clamped,
+        "KINKED": any(surface.kind == "kink" for surface in surfaces),
         "WIDE": wide,
         "ROLE": [_ROLES[surface.kind] for surface in surfaces] or [0],
         "LINEAR": [int(flag) for flag in linear] or [1],

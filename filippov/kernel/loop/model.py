@@ -9,8 +9,9 @@ ROLE[i], LINEAR[i], WIDTH[i]: what surface i is, whether its guard is linear in 
 its hysteresis. MOVING[i]: the ends of its set of signs depend on t or x. STRAIGHT[i]: its rates on
 both sides are affine in t and x on it.
 AFFINE: the field is jointly affine in the signs. NON_LIPSCHITZ: it may contain a power of |h| with an
-exponent below 1; CLAMPED: such a power is 0 in stages beyond its surface. WIDE: it is small enough to be
-sampled in lanes. VECTORS: the numbers of a vector, 1 in Python.
+exponent below 1; CLAMPED: such a power is 0 in stages beyond its surface. KINKED: it has kinks, of which
+guards may be made too. WIDE: it is small enough to be sampled in lanes. VECTORS: the numbers of a vector, 1
+in Python.
 ROOTED[i]: guard i may contain such a power too, and is infinitely steep where it vanishes; ROOTS: one does.
 RESET_FROM[i]: the side from which surface i resets the state, 2 for both, 0 for none; CONTACT[i]: the side on
 which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are any; TICKS: whether there are
@@ -30,6 +31,7 @@ from filippov.kernel.tables.tableaus import DOP853, weighted
 
 N, M, P = 1, 1, 1
 AFFINE, NON_LIPSCHITZ, CLAMPED, ALL_LINEAR, WIDE, ROOTS = True, False, False, True, False, False
+KINKED = False
 VECTORS = 1
 STAGES, EXTRA, DEGREE_DENSE = 13, 3, 7
 RULE = 0

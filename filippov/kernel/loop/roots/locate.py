@@ -17,6 +17,7 @@ from filippov.kernel.loop.model import (
     COLOURS,
     G_COLUMN,
     G_FIRST,
+    KINKED,
     LINEAR,
     OWNER,
     ROLE,
@@ -294,11 +295,12 @@ def row_root(
         # A guard that is all rounding has no events.
         if high <= NOISY * grain and low >= -NOISY * grain:
             return NO_ROOT, 2.0, degree
-    elif m[i] != 0.0 and hardly_moves(low, high, w):
+    elif m[i] != 0.0 and (KINKED or degree < DEGREE) and hardly_moves(low, high, w):
         # A plane that is left so slowly that the step moves the terms of its guard by rounding only, or
         # a guard that is 0 in a whole region, where its terms cancel and show no scale.
         grain = PLANE * EPS * guard_scale(i, t, w.coef, w) if degree < DEGREE else 0.0
-        grain = max(grain, NOISY * guard_noise(i, t, w.coef, p, m, w, ctx))
+        if KINKED:
+            grain = max(grain, NOISY * guard_noise(i, t, w.coef, p, m, w, ctx))
         if high <= grain and low >= -grain:
             return NO_ROOT, 2.0, degree
     kind, u = first_root(c, degree, touch, w.stack, w.bounds, w.work)
