@@ -57,7 +57,9 @@ def test_the_mode_at_the_start_is_that_of_the_state(depth: int) -> None:
             given = np.zeros(0)
             h, signs = signs_at(system, np.zeros(1), start[None, :], given)
             written = [float(q.h.subs({x: start[0], y: start[1]})) for q in system.surfaces]
-            assert h[0] == pytest.approx(written, rel=1e-12)
+            # Where the terms of a surface cancel it is 0 to their rounding; others show how large they are.
+            rounding = 1e-15 * max(1.0, *map(abs, written), *map(abs, h[0]))
+            assert h[0] == pytest.approx(written, rel=1e-12, abs=1e-12 + rounding)
             assert _signs(system, start, given) == tuple(signs[0])
         ends = solve_many(system, [start] * 3, (0, span))
         assert np.allclose((ends.x - start) / span, rate, atol=1e-4)
@@ -71,8 +73,9 @@ def test_kinks_in_kinks_against_short_steps(depth: int) -> None:
         f, g = (_plain(e) for e in field)
         start = random.normal(size=2) * 2
         exact = solve_ivp(
-            lambda _, s, f=f, g=g: [f(*s), g(*s)], (0, 2), start, "RK45", rtol=1e-8, atol=1e-10, max_step=2e-3
-        )
+            lambda _, s, f=f, g=g: [f(*s), g(*s)], (0, 2), start, "RK45", rtol=1e-10, atol=1e-10,
+            max_step=5e-4,
+        )  # fmt: skip
         solution = solve(System(dict(zip((x, y), field, strict=True))), start, (0, 2), rtol=1e-10)
         assert solution.success
         assert solution.x_end == pytest.approx(exact.y[:, -1], abs=2e-5), (field, start)
