@@ -91,6 +91,21 @@ def _shallow(q: dict[str, float], start: np.ndarray) -> bool:
     return bool(np.any(np.abs(h[1:-1][dips]) < 1e-3))
 
 
+def test_a_run_that_ends_near_such_a_root_ends_at_its_own_time() -> None:
+    """x' = speed: a landing that failed left the state elsewhere, with success."""
+    random = np.random.default_rng(12)
+    for _ in range(DRAWS):
+        q, start = _draw(random)
+        q["e"] = 0.07
+        at_zero = 1.0 / q["speed"]
+        for end in at_zero + np.array([-1e-6, -1e-8, 1e-9, 2e-8, 1e-6, 3e-5, 1e-3]):
+            run = solve(SYSTEM, start, (0, end), parameters=q, rtol=1e-9)
+            assert run.x_end[0] == pytest.approx(q["speed"] * run.t_end - 1.0, abs=1e-9), (q, start, end)
+            at = np.array([event.t for event in run.events])
+            x_there = np.array([event.x[0] for event in run.events])
+            np.testing.assert_allclose(x_there, q["speed"] * at - 1.0, rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize("backend", ["compiled", "python"])
 def test_curves_with_a_root_are_met_where_they_are(backend: str) -> None:
     random, seen = np.random.default_rng(11), 0

@@ -31,6 +31,8 @@ from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 EPS = 2.220446049250313e-16
 # The largest |guard| at an event, in roundings of its terms, where the integration is that accurate.
 ASTRAY = 1e4
+# A number that is larger is none that a guard has.
+HUGE = 1e300
 # A rate smaller than this, relative to its terms, is rounding: the state is at rest relative to the surface.
 NO_RATE = 1e-12
 
@@ -162,10 +164,14 @@ def land(
             if guards(te, xe, p, m, h, ctx) != 0 or gradients(te, xe, p, m, w.g, w.gt, ctx) != 0:
                 return 1, length, dense_length, value
             value = h[i] + m[i] * WIDTH[i]
-            if abs(value) <= EPS * guard_scale(i, te, xe, w):
+            # Beyond its surface the slope of a root may be infinite: that says nothing about the value.
+            scale = guard_scale(i, te, xe, w)
+            if scale <= HUGE and abs(value) <= EPS * scale:
                 break
             code = field(te, xe, p, m, f, w, iw, ctx)
             change = rate(i, f, w)
+            if bent and not abs(change) <= HUGE:
+                change = INF
         else:
             code = guard_rows(te, xe, p, m, row, w, iw, ctx)
             value = row[i] if cause == UPPER else row[M + i]
@@ -205,7 +211,8 @@ def land(
         # A landing farther off than the accuracy of the integration has failed: a field that vanishes beyond
         # the surface leads Newton's method off.
         went = (abs(t) + abs(length)) * (abs(w.start[2 * i + 1]) + abs(rate(i, f, w)))
-        known = max(w.touch[i], ASTRAY * EPS * (guard_scale(i, t + length, xe, w) + went + WIDTH[i]))
+        terms = guard_scale(i, t + length, xe, w) + went + WIDTH[i]
+        known = max(w.touch[i], ASTRAY * EPS * terms if terms <= HUGE else 0.0)
         code = NOT_CONVERGED if abs(value) > known else 0
     if code == 0 and sound:
         if cause == ROOT and WIDTH[i] == 0.0:

@@ -50,6 +50,7 @@ from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
 SAME_END = 1e-11  # times so close to the end of the run, relative to it, are the end
 ROUNDED = 1e-12  # events so little later than the end of the run, relative to it, are at the end
+BEYOND_END = 1e-9  # landings by so much later than the end of the run, relative to it, have failed
 FALLING = 1e-6  # relative to the terms of its rate: a guard that falls by more than rounding
 BEFORE_END = 1e-3  # the distance, relative to the step, for the slope of a multiplier's guard at the end
 # The most pieces into which the guards of a step may divide it while steps go on growing.
@@ -308,6 +309,10 @@ def arrive(run: Trajectory) -> int:
     if not AFFINE and run.iw.sliding > 1 and failed == 0 and astray(run):
         failed = NOT_CONVERGED
     if ROOTS and now.cause == ROOT and failed == 0 and skipped(run):
+        failed = NOT_CONVERGED
+    # A landing beyond the end of the run by more than the accuracy of events is none: the state is not there.
+    late = (t + now.length - clock.t_end) * w.direction
+    if failed == 0 and late > BEYOND_END * max(abs(clock.t_end), abs(step)):
         failed = NOT_CONVERGED
     if failed == NOT_CONVERGED:
         go_back(run)
