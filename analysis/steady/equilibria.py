@@ -63,8 +63,9 @@ def equilibria(
     budget      work, in millions of calls of Python functions (about a second each)
 
     A mode whose equations cannot be solved in formulas is searched numerically from many starts, which may
-    miss equilibria and is noted. A system of plain functions is always searched so. Raises UsageError,
-    ModelError.
+    miss equilibria and is noted. A system of plain functions is always searched so. A zero of several
+    equations at once is one point; equilibria a millionth of the box apart are told apart where the box is as
+    small as they are. Raises UsageError, ModelError.
     """
     p = system.parameters.resolve(parameters)
     numbers = tuple(zip(system.parameters.names, p.tolist(), strict=True))
