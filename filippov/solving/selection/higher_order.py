@@ -210,6 +210,8 @@ class HigherOrder:
         run = self.run
         away = np.abs(machine.guards(run.t, run.x, mode))
         g, gt = self.plain.gradients(run.t, run.x, mode)
+        # A root that is 0 has no slope; the others are known without it.
+        g = np.where(np.isfinite(g), g, 0.0)
         terms = np.abs(g) @ np.abs(x) + np.abs(gt * run.t)
         known = run.options.rtol * terms + np.abs(g) @ run.atol
         instant = float(INSTANT * np.finfo(float).eps * abs(run.t))
