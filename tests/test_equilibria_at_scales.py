@@ -94,3 +94,10 @@ def test_a_field_that_only_fades_has_no_equilibrium(rate: float, fades: Any) -> 
     """It falls below any level within the range, and is not 0."""
     found = equilibria(plain(lambda t, x, p, s: [rate * fades(x[0])]), box={"x": (0, 10)})
     assert len(found) == 0
+
+
+def test_a_curve_of_equilibria_is_named() -> None:
+    """x' = x**2 + y**2 - 4 = y': a circle, and no isolated points."""
+    found = equilibria(plain(lambda t, x, p, s: [x[0] ** 2 + x[1] ** 2 - 4] * 2, "x y"))
+    assert "lies on a set of dimension 1, which is not traced" in str(found)
+    assert len(found.points) == 1

@@ -12,7 +12,7 @@ import sympy
 from sympy import Symbol
 
 from filippov.analysis.algebra.budget import Clock
-from filippov.analysis.steady.dimensionless import in_units, sizes, units
+from filippov.analysis.steady.dimensionless import DIGITS, in_units, sizes, units
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Missing, PointKind
 from filippov.analysis.steady.existence import ModeProblem, multiplier_symbol
 from filippov.analysis.steady.newton import RESIDUAL, differences, null_space, zero
@@ -21,8 +21,9 @@ from filippov.model.system import System
 STARTS = 48
 # The neighbourhood of a multiple zero in which the equations hold to rounding, in Newton's steps.
 NEIGHBOURHOOD = 20.0
+# The distance at which a zero that is one of many has others beside it.
+ASIDE = 1e-2
 EDGE = 1e-8
-DIGITS = 12
 
 Array = npt.NDArray[np.float64]
 
@@ -182,7 +183,7 @@ def _searched(
         point = _point(search, y)
         if point is None:
             continue
-        if len(null) > 1:
+        if len(null) > 1 or (len(null) == 1 and _goes_on(search, y, null[0])):
             text = f"{point.value} lies on a set of dimension {len(null)}, which is not traced."
             return [*found, point], [f"mode {search.mode!r}: {text}"]
         found.append(point)
@@ -276,6 +277,15 @@ def _line(
         tuple(ends),
         exact=False,
     )
+
+
+def _goes_on(search: NumericMode, y: Array, direction: Array) -> bool:
+    """Whether other zeros lie beside this one along a direction, as on a curve, and not this one alone."""
+    for aside in (ASIDE, -ASIDE):
+        got = zero(search.residual, y + aside * direction)
+        if got is None or not 0.5 * ASIDE <= float(np.linalg.norm(got[0] - y)) <= 2.0 * ASIDE:
+            return False
+    return True
 
 
 def _holds(search: NumericMode, y: Array, rates: Array) -> bool:
