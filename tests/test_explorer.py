@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from contextlib import suppress
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -199,6 +200,27 @@ def test_16_8_a_section_is_found_along_the_motion_and_holds_the_closed_form(tmp_
     made.export(tmp_path)
     assert "returns(system, section, x0, 24" in (tmp_path / "view.py").read_text()
     assert float((tmp_path / "map.csv").read_text().split("\n")[1].split(",")[0]) == pytest.approx(found.d[0])
+
+
+def test_16_2_the_film_is_where_the_solution_is() -> None:
+    """Half turns about -k and k from x = 3, then rest: in closed form."""
+    played = draw(MODEL.solutions, {}).film
+    assert played is not None
+    t, x, v = (np.array(played[key]) for key in "txy")
+    assert t[0] == 0
+    assert t[-1] == 12
+    assert np.all(np.diff(t) >= 0)
+    turns = np.minimum(np.floor(t / math.pi), 3)
+    size, centre = 3 - 0.8 * turns - 0.4, np.where(turns % 2 == 0, 0.4, -0.4)
+    moved = centre + np.where(turns % 2 == 0, 1, -1) * size * np.cos(t - turns * math.pi)
+    assert np.allclose(x, moved, atol=1e-7)
+    assert np.allclose(v, -np.where(turns % 2 == 0, 1, -1) * size * np.sin(t - turns * math.pi), atol=1e-7)
+    # The sign of v is the first of a mode; the wall at x = 2 is passed on the way.
+    signs = [next(stay) for _, stay in groupby(played["modes"], key=lambda mode: mode[1][5])]
+    assert [text[5] for _, text in signs] == ["-", "+", "-", "+"]
+    assert np.allclose([time for time, _ in signs], np.arange(4) * math.pi)
+    assert len(played["modes"]) == 5
+    json.dumps(played, allow_nan=False)
 
 
 def test_16_8_a_diagram_makes_way_for_a_redraw() -> None:

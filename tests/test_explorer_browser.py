@@ -100,6 +100,32 @@ def test_16_8_the_page_at_both_widths(browser: Any, explorer: Explorer, width: i
     page.close()
 
 
+def test_16_2_the_page_plays_the_solution(browser: Any, explorer: Explorer) -> None:
+    """A line and a point go along the solution, by the button and by the keyboard."""
+    seen = visit(browser, explorer, "", 1280)
+    page = seen.page
+    page.click("#play")
+    page.locator("#moment-told", has_text="time [s] = 5, mode").wait_for(timeout=WAIT)
+    assert page.text_content("#play") == "Play"
+    assert page.locator("#figure-time .film-line").bounding_box()["height"] > 200
+    page.focus("#moment")
+    places = []
+    for key in ("Home", "End"):
+        page.keyboard.press(key)
+        box = page.locator("#figure-phase .film-point").bounding_box()
+        places.append((box["x"] + box["width"] / 2, box["y"] + box["height"] / 2))
+    wanted = page.evaluate(
+        "([x, v]) => { const plot = document.querySelector('#figure-phase .js-plotly-plot');"
+        "const {xaxis, yaxis} = plot._fullLayout, box = plot.getBoundingClientRect();"
+        "return [box.x + xaxis._offset + xaxis.l2p(x), box.y + yaxis._offset + yaxis.l2p(v)]; }",
+        [float(value) for value in explorer.solution().x_end[:2]],
+    )
+    assert max(abs(a - b) for a, b in zip(places[1], wanted, strict=True)) < 2
+    assert places[0] != places[1]
+    assert not seen.said
+    page.close()
+
+
 def test_16_8_a_link_that_is_wrong_says_so(browser: Any, explorer: Explorer) -> None:
     seen = visit(browser, explorer, "?p.Q=20.0", 1280)
     assert "The link was not taken: unknown setting 'p.Q'" in seen.page.text_content("#message")

@@ -1,4 +1,4 @@
-"""Every capability in three ways: a function, a command, and a page that runs the function and shows the command."""
+"""Every capability in three ways: a function, a command, and a page that runs the one and shows the other."""
 
 from __future__ import annotations
 

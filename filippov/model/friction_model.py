@@ -83,10 +83,14 @@ def with_friction_model(
     used = {q for f in (*made.field, *made.rates) for q in f.free_symbols if isinstance(q, ParameterSymbol)}
     extra = sorted(used - set(form.p), key=lambda q: q.name)
     namespace = ParameterNamespace({q.name: q for q in (*form.p, *extra)})
+    # What an output's own sign becomes is another question than what the force becomes.
+    signs = (sign, sympy.Heaviside, sympy.Piecewise)
+    outputs = {name: e for name, e in system.outputs.items() if not e.has(*signs)}
+    gone = system.outputs.keys() - outputs.keys()
     return System(
         dict(zip((*form.x, *z), (*made.field, *made.rates), strict=True)), surfaces=[*kept, *made.surfaces],
         parameters=namespace, time_events=system.time_events,
-        labels={name: text for name, text in system.labels.items() if name not in system.outputs},
+        labels={name: text for name, text in system.labels.items() if name not in gone}, outputs=outputs,
     )  # fmt: skip
 
 

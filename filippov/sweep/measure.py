@@ -9,6 +9,8 @@
     min(x), max(x), mean(x), amplitude(x)   of a state over the tail; amplitude: (max - min)/2
     path/to/file.py:name       function of the Solution that returns a number or {name: number}
 
+end, min, max, mean and amplitude also take an output of the system; where it jumps, both values count.
+
 The tail is the last part of the time reached. For a run that fails, only end, t_end, mode, nfev and events
 are kept.
 """
@@ -30,6 +32,7 @@ from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import several
 from filippov.base.names import unknown
 from filippov.base.status import mode_text
+from filippov.base.symbolic_value import is_expression
 from filippov.base.user_file import load_file
 from filippov.model.system import System
 from filippov.solving.ensemble import Ensemble
@@ -97,10 +100,37 @@ class Measure:
         if self.name == "sliding":
             place = system.surface_index(first)
             return [float(sum(s.dwell for s in solution.segments if s.mode[place] == 0))]
-        begin = solution.t_end - tail * (solution.t_end - solution.problem.t_span[0])
+        begin = _begin(solution, tail)
         if self.name == "period":
             return [period_of(_events(solution, self.arguments), begin, solution.t_end)]
-        return [_of_tail(self.name, solution, system.state_index(first), begin)]
+        sol, state = solution.sol, system.state_index(first)
+        assert sol is not None
+        return [_of_tail(self.name, solution, lambda t, side: sol(t, side=side)[state], begin)]
+
+
+@dataclass(frozen=True)
+class OfOutput(Measure):
+    """A measure of an output; formula: that of the output, on which the results of a sweep depend."""
+
+    formula: str = ""
+
+    @property
+    def needs(self) -> int:
+        """2: an output is read along the solution."""
+        return 2
+
+    def of_solution(self, solution: Solution, tail: float) -> list[float]:
+        """Its value. Raises ModelError where the solved system does not have the output."""
+        (name,) = self.arguments
+        if name not in solution.system.outputs:
+            raise ModelError(unknown("output", name, solution.system.outputs))
+        if self.name == "end":
+            return [float(solution.evaluate(name, solution.t_end))]
+        return [
+            _of_tail(
+                self.name, solution, lambda t, side: solution.evaluate(name, t, side), _begin(solution, tail)
+            )
+        ]
 
 
 @dataclass(frozen=True)
@@ -186,6 +216,8 @@ def _checked(measure: Measure, system: System) -> Measure:
     try:
         if name in ("events", "period", "sliding", "mode"):
             system.surface_index(arguments[0])
+        elif name != "dwell" and arguments[0] in system.outputs:
+            return OfOutput(name, arguments, _formula(system.outputs[arguments[0]]))
         elif name != "dwell":
             system.state_index(arguments[0])
     except ModelError as error:
@@ -220,38 +252,50 @@ def _events(solution: Solution, arguments: Sequence[str]) -> Events:
     return solution.events.of(surface, word, direction)
 
 
-def _of_tail(name: str, solution: Solution, state: int, begin: float) -> float:
-    """min, max, mean or amplitude of a state from `begin` to the end."""
-    sol, end = solution.sol, solution.t_end
-    assert sol is not None
+def _formula(output: Any) -> str:
+    """What tells one output from another: its formula, or what a function depends on."""
+    return dependence(output).digest if callable(output) and not is_expression(output) else str(output)
+
+
+def _begin(solution: Solution, tail: float) -> float:
+    """The time at which the tail begins."""
+    return float(solution.t_end - tail * (solution.t_end - solution.problem.t_span[0]))
+
+
+def _of_tail(name: str, solution: Solution, read: Callable[[Array, str], Array], begin: float) -> float:
+    """min, max, mean or amplitude from `begin` to the end; read(t, side): values, those before or after t."""
+    end = solution.t_end
     inner = solution.t[(np.abs(end - solution.t) < abs(end - begin)) & (solution.t != end)]
-    nodes = np.concatenate(([begin], inner, [end]))
+    nodes = np.concatenate(([begin], inner[np.append(True, np.diff(inner) != 0)[: inner.size]], [end]))
+    if begin == end:
+        value = float(read(nodes[:1], "-")[0])
+        return 0.0 if name == "amplitude" else value
     if name == "mean":
-        if begin == end:
-            return float(sol(end)[state])
         # Gauss's rule with 5 points is exact for the interpolant of a step, a polynomial of degree 9 or less.
         places, weights = np.polynomial.legendre.leggauss(5)
         half = 0.5 * np.diff(nodes)[:, None]
         t = 0.5 * (nodes[1:] + nodes[:-1])[:, None] + half * places
-        return float(np.sum(half * weights * sol(t.ravel())[state].reshape(t.shape)) / (end - begin))
-    steps = np.diff(nodes)[:, None] * (np.arange(FINER) / FINER)
-    t = np.append((nodes[:-1, None] + steps).ravel(), end)
-    t = t[np.append(True, np.diff(t) != 0)]
-    y = sol(t)[state]
-    low, high = -_highest(sol, t, -y, state, -1.0), _highest(sol, t, y, state, 1.0)
+        return float(np.sum(half * weights * read(t.ravel(), "-").reshape(t.shape)) / (end - begin))
+    # Each step from its first to its last point: an impact or a jump of an output lies between two of them.
+    t = nodes[:-1, None] + np.diff(nodes)[:, None] * (np.arange(FINER + 1) / FINER)
+    t[:, -1] = nodes[1:]
+    y = np.empty_like(t)
+    y[:, 0] = read(t[:, 0], "+")
+    y[:, 1:] = read(t[:, 1:].ravel(), "-").reshape(len(t), FINER)
+    low, high = -_highest(read, t, -y, -1.0), _highest(read, t, y, 1.0)
     return {"min": low, "max": high, "amplitude": 0.5 * (high - low)}[name]
 
 
-def _highest(sol: Any, t: Array, y: Array, state: int, sign: float) -> float:
-    """The largest sign * x(t): the best sample, refined between its neighbours."""
+def _highest(read: Callable[[Array, str], Array], t: Array, y: Array, sign: float) -> float:
+    """The largest sign * value: the best sample of all steps, refined between its neighbours in its step."""
     from scipy.optimize import minimize_scalar
 
-    best = int(np.argmax(y))
-    low, high = sorted((float(t[max(best - 1, 0)]), float(t[min(best + 1, t.size - 1)])))
+    step, best = np.unravel_index(int(np.argmax(y)), y.shape)
+    low, high = sorted((float(t[step, max(best - 1, 0)]), float(t[step, min(best + 1, FINER)])))
     if low == high:
-        return float(y[best])
+        return float(y[step, best])
     found = minimize_scalar(
-        lambda time: -sign * float(sol(time)[state]), bounds=(low, high), method="bounded",
+        lambda time: -sign * float(read(np.array([time]), "-")[0]), bounds=(low, high), method="bounded",
         options={"xatol": 1e-10 * max(1.0, abs(high))},
     )  # fmt: skip
-    return float(max(y[best], -found.fun))
+    return float(max(y[step, best], -found.fun))

@@ -63,6 +63,7 @@ window.dash_clientside.explorer = (() => {
         answer.figures.diagram = diagram;
       }
       await show(answer.figures);
+      if (answer.film) window.explorerFilm(answer.film);
       window.explorerRedraw = performance.now() - asked;
     } catch (error) {
       tell(`No answer from this page's server (${error.message}): is the command or the notebook still running?`, true);

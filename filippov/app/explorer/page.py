@@ -27,7 +27,9 @@ MENU: dict[str, Any] = {
 
 def index() -> str:
     """The HTML around the page, with style and script inline: nothing is loaded from elsewhere."""
-    style, client = ((HERE / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
+    files = ("page.css", "film.js", "page.js")
+    style, *scripts = ((HERE / name).read_text(encoding="utf-8") for name in files)
+    client = "\n".join(scripts)
     return (
         '<!DOCTYPE html><html lang="en"><head>{%metas%}<title>{%title%}</title>{%favicon%}{%css%}'
         f"<style>{style}</style><script>{client}</script></head>"
@@ -62,6 +64,7 @@ def page(solutions: Solutions, view: View) -> html.Div:
         html.Div([
             html.Aside(controls(view), className="controls", **{"aria-label": "settings"}),
             html.Main([
+                html.Div(id="film", role="group", **{"aria-label": "the solution as a film"}),
                 html.Div(plots, className="plots"),
                 html.P([html.A("Link to this view", id="link", href=""), *links], className="files"),
             ], id="plots"),

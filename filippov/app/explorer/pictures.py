@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from filippov.app.explorer.film import film
 from filippov.app.explorer.graph_figure import graph_figure
 from filippov.app.explorer.look import Figure, empty
 from filippov.app.explorer.map_figure import diagram_figure, here, map_figure
@@ -23,6 +24,7 @@ class Drawn:
 
     said   the result of the run, or what is wrong; good: whether the run reached its end
     query  the link that restores the view; here: the point of the diagram that follows the slider
+    film   where the solution is at each moment, see `film`
     """
 
     said: str
@@ -30,6 +32,7 @@ class Drawn:
     query: str = ""
     figures: Mapping[str, Figure] = field(default_factory=dict)
     here: Mapping[str, Any] | None = None
+    film: Mapping[str, Any] | None = None
 
 
 def draw(solutions: Solutions, values: Mapping[str, Any]) -> Drawn:
@@ -67,7 +70,7 @@ def pictures(solutions: Solutions, view: View) -> Drawn:
             point = here(view, found) if "over" in view.values else None
     except Exception as error:  # noqa: BLE001
         figures["map"] = empty(told(error))
-    return Drawn(said, solution.success, view.query, figures, point)
+    return Drawn(said, solution.success, view.query, figures, point, film(view, solution))
 
 
 def draw_diagram(solutions: Solutions, values: Mapping[str, Any]) -> Figure | None:

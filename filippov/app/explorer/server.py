@@ -63,7 +63,7 @@ def redraw(
     wrong = "" if made.query else wrong
     return {
         "said": f"{wrong} {made.said}".strip(), "good": made.good and not wrong, "drawn": bool(made.figures),
-        "query": made.query, "files": files, "here": made.here,
+        "query": made.query, "files": files, "here": made.here, "film": made.film,
         "figures": {name: packed(figure) for name, figure in made.figures.items()},
     }  # fmt: skip
 
