@@ -290,7 +290,7 @@ def _highest(read: Callable[[Array, str], Array], t: Array, y: Array, sign: floa
     """The largest sign * value: the best sample of all steps, refined between its neighbours in its step."""
     from scipy.optimize import minimize_scalar
 
-    step, best = np.unravel_index(int(np.argmax(y)), y.shape)
+    step, best = divmod(int(np.argmax(y)), FINER + 1)
     low, high = sorted((float(t[step, max(best - 1, 0)]), float(t[step, min(best + 1, FINER)])))
     if low == high:
         return float(y[step, best])
