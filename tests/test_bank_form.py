@@ -16,7 +16,7 @@ from filippov.app.bank import migrate_bank, run_bank, schema
 from filippov.app.bank.build import build
 from filippov.app.bank.case import read_bank
 from filippov.app.bank.case_runs import CaseRuns, Settings
-from filippov.app.bank.measures import GROUPS, QUANTITIES
+from filippov.app.bank.quantities import GROUPS, QUANTITIES
 from filippov.app.bank.subjects import Subjects
 from filippov.app.bank.typed_json import written
 from filippov.app.cli.main import main
@@ -220,7 +220,7 @@ def test_13_5_the_vocabulary_is_closed_and_described() -> None:
         used |= set(re.findall(r'"quantity": "(\w+)"', text))
     assert set(QUANTITIES) <= used
     assert {kind.__module__ for kind in QUANTITIES.values()} - {group.__name__ for group in GROUPS} == {
-        "filippov.app.bank.measures.measure"
+        "filippov.app.bank.quantities.quantity"
     }
     for kind in QUANTITIES.values():
         assert kind.__doc__

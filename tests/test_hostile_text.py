@@ -27,7 +27,7 @@ from filippov.app.cli.main import main
 from filippov.app.cli.outputs import Outputs
 from filippov.app.cli.sweep import FILES
 from filippov.app.report.page import document
-from filippov.app.report.part import Picture, Section, TextTable, Words
+from filippov.app.report.part import Chapter, Picture, TextTable, Words
 from filippov.base import progress
 from filippov.base.csv_text import csv_text
 from filippov.base.escape import LINES, cell, figure_text, latex, markdown, printable
@@ -245,7 +245,7 @@ def page_of(text: str) -> str:
         Words("source", source), Words("pre", text), Words("dl", [(text, text)]),
         Picture("name", text, source, object, text),  # type: ignore[arg-type]
     ]  # fmt: skip
-    return document(text, text, [Section("anchor", text, parts)], {}, {"name": "<svg><g></g></svg>"})
+    return document(text, text, [Chapter("anchor", text, parts)], {}, {"name": "<svg><g></g></svg>"})
 
 
 @given(TEXTS.filter(bool))

@@ -116,20 +116,20 @@ def test_13_8_a_measure(copy: Copy) -> None:
 
 
 def test_13_8_a_quantity(copy: Copy) -> None:
-    copy.add("filippov/app/bank/measures/steps.py", '''"""How the run went."""
+    copy.add("filippov/app/bank/quantities/steps.py", '''"""How the run went."""
 
-from filippov.app.bank.measures.measure import Measure
+from filippov.app.bank.quantities.quantity import Quantity
 from filippov.app.bank.case_runs import CaseRuns
 
 
-class Modes(Measure, quantity="number of segments"):
+class Modes(Quantity, quantity="number of segments"):
     """Number of segments of the solution."""
 
     def __call__(self, subject: CaseRuns) -> int:
         return len(subject.main.segments)
 ''')
-    copy.put("filippov/app/bank/measures/__init__.py", "    sliding,\n", "    steps,\n")
-    copy.put("filippov/app/bank/measures/__init__.py", "sliding, orbits", "steps, ")
+    copy.put("filippov/app/bank/quantities/__init__.py", "    sliding,\n", "    steps,\n")
+    copy.put("filippov/app/bank/quantities/__init__.py", "sliding, orbits", "steps, ")
     assert '"number of segments"' in copy.python("-m", "filippov", "bank", "schema")
 
 

@@ -9,7 +9,7 @@ import pytest
 from filippov.analysis.comparisons.independent import Rule
 from filippov.app.report.facts import Facts, Numbers
 from filippov.app.report.page import inline_svg, wrapped
-from filippov.app.report.part import Section, TextTable
+from filippov.app.report.part import Chapter, TextTable
 from filippov.base.errors import UsageError
 from filippov.models.studies import BUILT_IN, get_study, study_names
 
@@ -58,11 +58,11 @@ def test_report_knows_no_model():
 
 def test_16_10_texts_name_figures_and_tables_by_their_numbers():
     tables = [TextTable("one", ("a",), (), label="one"), TextTable("two", ("a",), (), label="two")]
-    numbers = Numbers([Section("first", "First", tables)], [Section("more", "More", tables[:1])])
+    numbers = Numbers([Chapter("first", "First", tables)], [Chapter("more", "More", tables[:1])])
     assert numbers["table two"] == ("table 2", "table-two")
     shown = str(numbers.coded("[[Table two]] < `x`"))
     assert shown == '<a href="#table-two">Table 2</a> &lt; <code>x</code>'
-    assert ">Table A1</a>" in str(Numbers([], [Section("more", "More", tables)]).linked("[[Table one]]"))
+    assert ">Table A1</a>" in str(Numbers([], [Chapter("more", "More", tables)]).linked("[[Table one]]"))
     assert numbers["section more"] == ("appendix A", "more")
     assert str(numbers.linked("[[table none]] `x`")) == "[[table none]] `x`"
     texts = ("", "see [[table two]]"), ("", "see [[figure none]]"), ("", "P = {fold_2:.2f}")

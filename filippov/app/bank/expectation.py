@@ -9,10 +9,10 @@ import numpy as np
 from sympy import Symbol
 
 from filippov.app.bank.case_runs import CaseRuns
-from filippov.app.bank.measures.measure import Measure
 from filippov.app.bank.notation import Number, formula, number
 from filippov.app.bank.outcome import MissingError, Outcome, compared, compared_texts
 from filippov.app.bank.polynomial import Polynomial
+from filippov.app.bank.quantities.quantity import Quantity
 from filippov.base.errors import ModelError
 
 # Numbers that one formula in n may stand for.
@@ -39,7 +39,7 @@ class Expectation:
     """
 
     name: str
-    measure: Measure
+    measure: Quantity
     value: Any = None
     atol: Number = 0.0
     rtol: Number = 0.0

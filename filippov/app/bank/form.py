@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from filippov.app.bank import measures, typed_json
+from filippov.app.bank import quantities, typed_json
 from filippov.app.bank.expectation import Expectation
 from filippov.app.bank.notation import Number
 from filippov.app.bank.system_form import SystemForm
 
-__all__ = ["BankForm", "CaseForm", "measures", "read_case", "schema"]
+__all__ = ["BankForm", "CaseForm", "quantities", "read_case", "schema"]
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from filippov.app.bank.build import Built
 from filippov.app.bank.case import Case, read_bank
 from filippov.app.bank.case_runs import CaseRuns, Settings
 from filippov.app.bank.expectation import Expectation
-from filippov.app.bank.measures.events import Accumulation, OneEvent, SomeEvents
-from filippov.app.bank.measures.measure import Measure, When
-from filippov.app.bank.measures.states import End, State
 from filippov.app.bank.notation import number
+from filippov.app.bank.quantities.events import Accumulation, OneEvent, SomeEvents
+from filippov.app.bank.quantities.quantity import Quantity, When
+from filippov.app.bank.quantities.states import End, State
 from filippov.app.bank.subjects import Subjects
 from filippov.app.bank.system_form import SystemForm
 from filippov.base.errors import ModelError
@@ -81,10 +81,10 @@ def ambiguous(expected: list[Expectation]) -> bool:
     return any(isinstance(e.measure, End) and e.text == "non_unique" for e in expected)
 
 
-def _of(measure: Measure, value: Any, built: Built, expected: list[Expectation]) -> list[Target]:
+def _of(measure: Quantity, value: Any, built: Built, expected: list[Expectation]) -> list[Target]:
     named = {s.name: s.h for s in built.system.surfaces}
     h = tuple(named[name] for name in built.declared if name in named)
-    if isinstance(measure, State) and measure.sliding is None and not isinstance(measure.t, Measure):
+    if isinstance(measure, State) and measure.sliding is None and not isinstance(measure.t, Quantity):
         return [_state(built, measure.component, _time(built, measure.t), value)]
     if isinstance(measure, Accumulation) and measure.take == "t":
         return [Target(number(value, built.names), h, (0.0,) * len(h))]
@@ -98,7 +98,7 @@ def _of(measure: Measure, value: Any, built: Built, expected: list[Expectation])
 
 
 def _time(built: Built, when: When) -> float:
-    assert not isinstance(when, Measure)
+    assert not isinstance(when, Quantity)
     return built.t_span[1] if when is None else number(when, built.names)
 
 

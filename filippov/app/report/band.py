@@ -11,7 +11,7 @@ from filippov.analysis.comparisons.comparison import compare_sections
 from filippov.analysis.comparisons.comparison_result import Comparison, label, largest, options_of
 from filippov.app.report.context import Context
 from filippov.app.report.effort import Effort
-from filippov.app.report.part import NONE, Picture, Section, TextTable, Words, number
+from filippov.app.report.part import NONE, Chapter, Picture, TextTable, Words, number
 from filippov.app.report.run import StudyRun
 from filippov.models.studies import Study
 
@@ -32,7 +32,7 @@ def compared(study: Study, effort: Effort, k: int) -> Comparison:
     )  # fmt: skip
 
 
-def comparison(run: StudyRun) -> Section:
+def comparison(run: StudyRun) -> Chapter:
     """The section of errors and work over the width of the band."""
     study = run.study
     with run.stage("comparison", run.until):
@@ -66,7 +66,7 @@ def comparison(run: StudyRun) -> Section:
     labels = {"width": run.label("width", "half-width"), "error_R": f"error of {letter}(d) [{unit}]",
               "drift": f"drift during stick [{unit}]", "field_calls": "calls of the field [-]"}  # fmt: skip
     columns: Sequence[str] = tuple(dict.fromkeys(key for row in found.rows for key in row))
-    return Section(
+    return Chapter(
         "comparison", "Comparison with band models",
         [Picture("comparison", "Band models against the inclusion", source,
                  lambda: found.plot(labels=labels)), table,
@@ -88,7 +88,7 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def approximations(run: StudyRun) -> Section:
+def approximations(run: StudyRun) -> Chapter:
     """Other plants under the approximations of the inclusion, from the rows stored with the study."""
     rows = run.study.approximated
     source = "filippov.app.approximations.table_of_approximations, kept with the package; approximations.csv."
@@ -103,7 +103,7 @@ def approximations(run: StudyRun) -> Section:
     slower = [row for row in rows if row["said"].startswith("order")]
     facts = {"plants": len({row["plant"] for row in rows}), "orders": sum(bool(row["order"]) for row in rows)}
     cells = [list(row.values()) for row in rows]
-    return Section(
+    return Chapter(
         "approximations", "Other plants", [Words("source", source), table],
         {**{name: float(value) for name, value in facts.items()}, "slower": float(len(slower))},
         files=[("approximations.csv", tuple(rows[0]), cells)],

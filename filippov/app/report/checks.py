@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from filippov.analysis.algebra.growth import Growth
-from filippov.app.report.part import NONE, Section, TextTable, Words, yes
+from filippov.app.report.part import NONE, Chapter, TextTable, Words, yes
 from filippov.app.report.run import StudyRun
 
 
-def classification(run: StudyRun) -> Section:
+def classification(run: StudyRun) -> Chapter:
     """The classification of each regime by the diagrams, over all values that were computed."""
     said = run.study.stated.classification if run.study.stated else {}
     found, rows = {}, []
@@ -38,10 +38,10 @@ def classification(run: StudyRun) -> Section:
         f"{subject}: {'; '.join(proofs)}.",
         f"bifurcation_*.csv, read by {__name__}.classification.", "classification",
     )  # fmt: skip
-    return Section("classification", "Classification", [table], summary={"classification": found})
+    return Chapter("classification", "Classification", [table], summary={"classification": found})
 
 
-def stability(run: StudyRun) -> Section:
+def stability(run: StudyRun) -> Chapter:
     """The complete stability report of the main case."""
     main = run.main
     text = (
@@ -51,17 +51,17 @@ def stability(run: StudyRun) -> Section:
     )  # fmt: skip
     source = f"Source: `filippov stability {run.given(main.case)} --solve-for {run.study.parameter}`"
     parts = [Words("p", text), Words("pre", main.stability.to_text()), Words("source", source)]
-    return Section("stability", "Stability report", parts)
+    return Chapter("stability", "Stability report", parts)
 
 
-def checks(run: StudyRun) -> Section:
+def checks(run: StudyRun) -> Chapter:
     """Each cycle by several methods, and quantities that should be exact along the responses."""
     rows = [
         (c.case.key, k, name, value)
         for c in run.cases for k, a in enumerate(c.agreements) for name, value in a.values.items()
     ]  # fmt: skip
     files = [("checks.csv", ("case", "cycle", "method", "d"), rows)]
-    return Section("checks", "Independent checks", [_agreements(run), _exactness(run)], files=files)
+    return Chapter("checks", "Independent checks", [_agreements(run), _exactness(run)], files=files)
 
 
 def _set_words(seen: set[Growth]) -> str:

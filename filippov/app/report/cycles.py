@@ -15,7 +15,7 @@ from filippov.analysis.diagrams.regions import regions
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.steady.rest_map import growth, rest_map, threshold
 from filippov.app.report.case import CaseCycles, CaseResults
-from filippov.app.report.part import NONE, Picture, Section, TextTable, answer, first, number
+from filippov.app.report.part import NONE, Chapter, Picture, TextTable, answer, first, number
 from filippov.app.report.run import StudyRun
 from filippov.plot.branch import plot_branches
 from filippov.plot.place import label_beside
@@ -34,7 +34,7 @@ NEAR, SMALL = 1e-4, 0.1
 STATED = {"stable": "", "unstable": " (unstable)", "undecided": " (undecided)"}
 
 
-def orbits(run: StudyRun) -> Section:
+def orbits(run: StudyRun) -> Chapter:
     """Period, amplitude, multipliers, word and margins of each cycle."""
     with run.stage("cycles and branches", run.until):
         for k, case in enumerate(run.cases):
@@ -64,7 +64,7 @@ def orbits(run: StudyRun) -> Section:
         f"{command}; cycles.csv.", "cycles",
     )  # fmt: skip
     columns = ("case", "stable", "period", *(f"amplitude {s}" for s in states), "largest multiplier", "word")
-    return Section(
+    return Chapter(
         "cycles", "Limit cycles",
         [Picture("cycles", "The limit cycles", command, lambda: _portraits(run)), table] if every else [],
         summary={"orbits": {c.case.case.key: [_orbit(o) for o in c.orbits] for c in run.cycles}},
@@ -75,7 +75,7 @@ def orbits(run: StudyRun) -> Section:
     )  # fmt: skip
 
 
-def branches(run: StudyRun) -> Section:
+def branches(run: StudyRun) -> Chapter:
     """Special points of the branches, and all cycles at every value of the parameter."""
     name, cycles, special = run.study.parameter, run.cycles, []
     for c in cycles:
@@ -96,7 +96,7 @@ def branches(run: StudyRun) -> Section:
     def draw() -> Figure:
         return plot_branches([b for b, _ in shown], names=[label for _, label in shown], labels=labels)
 
-    return Section(
+    return Chapter(
         "branches", f"Branches of cycles over {name}",
         [
             Picture("branches", f"Cycles over {name}, followed through the fold", command, draw),
@@ -122,7 +122,7 @@ def branches(run: StudyRun) -> Section:
     )  # fmt: skip
 
 
-def fold_curve(run: StudyRun) -> Section:
+def fold_curve(run: StudyRun) -> Chapter:
     """The curve of the main case's first fold over a second parameter."""
     assert run.study.ending is not None
     (second, bounds), name = run.study.ending, run.study.parameter
@@ -130,7 +130,7 @@ def fold_curve(run: StudyRun) -> Section:
         ending = _fold_curve(run, second, bounds)
     title = f"The fold over {second}"
     if ending is None or not ending.points:
-        return Section("fold-curve", title)
+        return Chapter("fold-curve", title)
     source, limit = "filippov.analysis.bifurcations.curve", _limit(run, ending, second, bounds)
     message = ending.message + (f"; its limit is at {second} = {limit.value:g}" if limit else "")
     if limit is not None:
@@ -171,7 +171,7 @@ def fold_curve(run: StudyRun) -> Section:
         return figure
 
     picture = Picture("fold_curve", f"The fold in {name} and {second}", source, draw)
-    return Section(
+    return Chapter(
         "fold-curve", title, [picture, table],
         {"end_value": float(height[-1]), "end_parameter": float(ending.values[-1]),
          "least_value": float(height[least]), "least_parameter": float(ending.values[least])},
@@ -181,7 +181,7 @@ def fold_curve(run: StudyRun) -> Section:
     )  # fmt: skip
 
 
-def region_map(run: StudyRun) -> Section:
+def region_map(run: StudyRun) -> Chapter:
     """Cells over two parameters with their exact borders: the fold, and where the set changes stability."""
     assert run.study.plane is not None
     (up, across_range, up_range), across = run.study.plane, run.study.parameter
@@ -209,7 +209,7 @@ def region_map(run: StudyRun) -> Section:
 
     command = f"`filippov regions {run.model.name} --x {across}=... --y {up}=...`"
     picture = Picture("regions", f"Number of cycles over {across} and {up}", command, draw)
-    return Section(
+    return Chapter(
         "regions", f"Regions of {across} and {up}", [picture], summary={"regions": found.to_dict()}
     )
 

@@ -14,11 +14,11 @@ from filippov.analysis.gains.tuning import Tuning, tune
 from filippov.analysis.harmonic.describing_function import DescribingFunction, describing_function
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
-from filippov.analysis.maps.section import Section as EventSection
+from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.app.report.context import Context
 from filippov.app.report.effort import Effort
-from filippov.app.report.part import NONE, Picture, Section, TextTable, number, yes
+from filippov.app.report.part import NONE, Chapter, Picture, TextTable, number, yes
 from filippov.app.report.run import StudyRun
 from filippov.base.errors import SolveError
 from filippov.models import registry
@@ -40,12 +40,12 @@ def tuned(study: Study, effort: Effort, k: int) -> Tuning:
     model = registry.get(item.model)
     assert own.section is not None
     return tune(
-        model.build(), EventSection.from_model(model), study.ranges, own.section.interval,
+        model.build(), Section.from_model(model), study.ranges, own.section.interval,
         parameters=item.parameters, samples=samples, points=points,
     )  # fmt: skip
 
 
-def settings(run: StudyRun) -> Section:
+def settings(run: StudyRun) -> Chapter:
     """The search for settings without cycles under each law, and the ratio map of the first."""
     study, found = run.study, []
     with run.stage("settings", run.until):
@@ -82,7 +82,7 @@ def settings(run: StudyRun) -> Section:
 
     title = "Largest ratio of successive excursions, best settings and their margin"
     picture = Picture("settings", title, command, draw)
-    return Section("settings", "Settings without cycles", [picture, TextTable(
+    return Chapter("settings", "Settings without cycles", [picture, TextTable(
         "Settings without cycles",
         ("law", "best settings", "margin", "ratio", "share", "borders, or why there are none"), tuple(rows),
         f"Searched in {ranges}. Margin: the factor by which every setting may change at once, in any "
@@ -110,7 +110,7 @@ class Prediction(NamedTuple):
 def _predicted(run: StudyRun, law: Law) -> Prediction:
     model = registry.get(law.model)
     system = model.build()
-    once = EventMap(system, EventSection.from_model(model), lanes=1)
+    once = EventMap(system, Section.from_model(model), lanes=1)
     low, high = run.interval
     cycles = [
         q for q in once.power(run.study.order).fixed_points(low, high, POINTS)
@@ -127,7 +127,7 @@ def _predicted(run: StudyRun, law: Law) -> Prediction:
     return Prediction(law, describing_function(system), cycles, inputs, ratio, algebraic)
 
 
-def prediction(run: StudyRun) -> Section:
+def prediction(run: StudyRun) -> Chapter:
     """Harmonic balance, algebra and exact cycles for each law."""
     laws, found = run.study.laws, []
     with run.stage("predictions", run.until):
@@ -150,7 +150,7 @@ def prediction(run: StudyRun) -> Section:
     command = f"`filippov describing-function {run.model.name}`"
     source = ", ".join([command, *(f"{f.__module__}.{f.__name__}" for f in made)])
     title = "Growth rate and frequency by harmonic balance, and the exact cycles"
-    return Section("prediction", "Harmonic balance and algebra beside the exact cycles", [
+    return Chapter("prediction", "Harmonic balance and algebra beside the exact cycles", [
         Picture("prediction", title, command, lambda: plot_describing_function(
             found[0].harmonic, exact=found[0].inputs, labels={"amplitude": run.label("input")}
         )),
@@ -197,7 +197,7 @@ def estimated(study: Study, effort: Effort, k: int) -> Estimate:
     return Estimate(found, _limit(about, values, found, []), _limit(about, values, found, ends))
 
 
-def experiment(run: StudyRun) -> Section:
+def experiment(run: StudyRun) -> Chapter:
     """A record with noise, the estimate from it, and the borders of the settings for it."""
     asked, values, name = run.study.experiment, run.main.parameters, run.study.parameter
     assert asked is not None
@@ -210,7 +210,7 @@ def experiment(run: StudyRun) -> Section:
          f"{(found.values[key] - truth[key]) / error:+.2f}")
         for key, error in found.errors.items()
     )  # fmt: skip
-    return Section("experiment", "Parameters from a record", [
+    return Chapter("experiment", "Parameters from a record", [
         Picture("experiment", "Record, fit, residual and the estimated curve",
                 "`filippov identify record.csv ...`", lambda: plot_identification(
             found, lambda x, given: asked.curve(x, {**asked.fixed, **given})

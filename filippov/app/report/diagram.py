@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from filippov.app.report.case import CaseResults, Samples
-from filippov.app.report.part import NONE, Picture, Section, TextTable, answer, number, yes
+from filippov.app.report.part import NONE, Chapter, Picture, TextTable, answer, number, yes
 from filippov.app.report.response import TITLE, beside, common_legend
 from filippov.app.report.run import StudyRun
 from filippov.plot.maps import plot_diagram, plot_event_map
@@ -20,7 +20,7 @@ POINT = ("d", "kind", "stable", "slope", "residual", "period", "note")
 SPECIAL = ("kind", "value", "d", "residual", "note")
 
 
-def fixed_points(run: StudyRun) -> Section:
+def fixed_points(run: StudyRun) -> Chapter:
     """The iterate of every case, its fixed points and their basins."""
     iterate = run.iterate
     ordinal = {1: "first", 2: "second"}.get(run.study.order, f"{run.study.order}th")
@@ -35,7 +35,7 @@ def fixed_points(run: StudyRun) -> Section:
     facts = {f"cycle_{c.slug}_{k}": q.d for c in run.cases for k, q in enumerate(c.cycles, start=1)}
     facts |= {f"jump_{c.slug}": jump.above for c in run.cases for jump in c.jumps if jump.d == 0}
     rows = [(c.case.key, *_values(q, POINT)) for c in run.cases for q in c.fixed]
-    return Section(
+    return Chapter(
         "fixed-points", f"Fixed points of the {ordinal} iterate",
         [*pictures, _points_table(run, ordinal), _basins(run)], facts,
         {"fixed_points": {c.case.key: [_point(q) for q in c.fixed] for c in run.cases}},
@@ -43,7 +43,7 @@ def fixed_points(run: StudyRun) -> Section:
     )  # fmt: skip
 
 
-def bifurcation(run: StudyRun) -> Section:
+def bifurcation(run: StudyRun) -> Chapter:
     """The diagrams and the points where they change."""
     name, cases = run.study.parameter, run.cases
     low, high = run.study.values[0], run.study.values[-1]
@@ -82,7 +82,7 @@ def bifurcation(run: StudyRun) -> Section:
             for value, found in zip(diagram.values, diagram.points, strict=True) for q in found
         ]  # fmt: skip
         files.append((f"bifurcation_{c.slug}.csv", (name, *POINT), rows))
-    return Section("bifurcation", f"Bifurcation in {name}", [*pictures, _places(run)], facts, summary, files)
+    return Chapter("bifurcation", f"Bifurcation in {name}", [*pictures, _places(run)], facts, summary, files)
 
 
 def _iterate(run: StudyRun, case: CaseResults) -> Figure:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from filippov.app.report.part import Picture, Section, TextTable
+from filippov.app.report.part import Chapter, Picture, TextTable
 from filippov.base.escape import LINES, printable
 
 if TYPE_CHECKING:
@@ -43,12 +43,12 @@ class _Unknown:
 class Numbers(dict[str, tuple[str, str]]):
     """("figure 3", its place on the page) by "figure NAME", and the same of sections and tables."""
 
-    def __init__(self, sections: Iterable[Section], appendix: Iterable[Section]) -> None:
+    def __init__(self, sections: Iterable[Chapter], appendix: Iterable[Chapter]) -> None:
         super().__init__()
         self._count(sections, "section", [str(k) for k in range(1, 100)], "")
         self._count(appendix, "appendix", list("ABCDEFGH"), "A")
 
-    def _count(self, sections: Iterable[Section], word: str, signs: list[str], prefix: str) -> None:
+    def _count(self, sections: Iterable[Chapter], word: str, signs: list[str], prefix: str) -> None:
         figures = tables = 0
         for sign, section in zip(signs, sections, strict=False):
             self[f"section {section.anchor}"] = f"{word} {sign}", section.anchor

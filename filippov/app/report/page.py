@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from filippov.app.report.facts import Facts, Numbers, begun
-from filippov.app.report.part import Picture, Section, TextTable, Words
+from filippov.app.report.part import Chapter, Picture, TextTable, Words
 from filippov.base.escape import LINES, markup, printable
 from filippov.base.version import installed
 
@@ -45,8 +45,8 @@ def environment() -> Environment:
 
 
 def document(
-    title: str, subtitle: str, sections: Sequence[Section], texts: Mapping[str, Any],
-    drawings: Mapping[str, str], appendix: Sequence[Section] = (),
+    title: str, subtitle: str, sections: Sequence[Chapter], texts: Mapping[str, Any],
+    drawings: Mapping[str, str], appendix: Sequence[Chapter] = (),
 ) -> str:  # fmt: skip
     """The whole page: the sections with content, each after its own paragraphs of `texts`.
 
@@ -59,7 +59,7 @@ def document(
     tables = [part for part in every if isinstance(part, TextTable) and part.long]
     short = [replace(s, parts=[part for part in s.parts if part not in tables]) for s in sections]
     main = [s for s in short if s.parts or s.anchor in ALONE & set(texts)]
-    behind = [*([Section("tables", "Long tables", tables)] if tables else []), *appendix]
+    behind = [*([Chapter("tables", "Long tables", tables)] if tables else []), *appendix]
     numbers, shown = Numbers(main, behind), []
     for section in (*main, *behind):
         told = numbers.told(texts.get(section.anchor, ()), facts)

@@ -58,8 +58,8 @@ class Words:
 
 
 @dataclass(frozen=True)
-class Section:
-    """A section of the report; without parts it only provides facts, entries of summary.json and CSV files.
+class Chapter:
+    """A chapter of the report; without parts it only provides facts, entries of summary.json and CSV files.
 
     facts   values by name, for the texts; summary: entries of summary.json; files: (name, columns, rows)
     """

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.app.report.case import CaseResults
-from filippov.app.report.part import NONE, Picture, Section, TextTable, Words, number, yes
+from filippov.app.report.part import NONE, Chapter, Picture, TextTable, Words, number, yes
 from filippov.app.report.run import StudyRun
 from filippov.base.status import mode_text
 from filippov.graphs.graph import possible_graph
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 TITLE = 10.5
 
 
-def model(run: StudyRun) -> Section:
+def model(run: StudyRun) -> Chapter:
     """Symbols, parameters and the constitutive curves."""
     said = run.study.stated.parameters if run.study.stated else {}
     rows = []
@@ -45,10 +45,10 @@ def model(run: StudyRun) -> Section:
         parts.append(Picture(name, title, source, lambda: _curves(run), label=name))
     curves = [(c.slug, c.curve) for c in run.cases if c.curve is not None]
     files = [(f"curve_{slug}.csv", ("x", "y"), zip(c.x, c.y, strict=True)) for slug, c in curves]
-    return Section("model", "The model and its symbols", parts, files=files)
+    return Chapter("model", "The model and its symbols", parts, files=files)
 
 
-def response(run: StudyRun) -> Section:
+def response(run: StudyRun) -> Chapter:
     """The response and the phase portrait of the main case."""
     main, states = run.main, run.system.states
     command = f"`filippov simulate {run.given(main.case)} --rtol 1e-10`"
@@ -61,7 +61,7 @@ def response(run: StudyRun) -> Section:
     files = [(f"response_{c.slug}.csv", ("t", *states, "mode"), _samples(c)) for c in run.cases]
     columns = ("t", "surface", "kind", "before", "after", *states)
     files += [(f"events_{c.slug}.csv", columns, _events(c)) for c in run.cases]
-    return Section("response", "Time response and phase portrait", [
+    return Chapter("response", "Time response and phase portrait", [
         Picture(f"response_{main.slug}", f"Time response from ({start}), {main.label}", command, draw,
                 label="response"),
         Picture(f"phase_{main.slug}", f"Phase portraits of the same response, {main.label}", command,
@@ -69,7 +69,7 @@ def response(run: StudyRun) -> Section:
     ], files=files)  # fmt: skip
 
 
-def event_map(run: StudyRun) -> Section:
+def event_map(run: StudyRun) -> Chapter:
     """The map with the iterates of the response."""
     main, proposed = run.main, run.proposed
     at = ", ".join(f"{k} = {v}" for k, v in proposed.parametrisation.items())
@@ -95,17 +95,17 @@ def event_map(run: StudyRun) -> Section:
         rows = zip(d[order], once[order], power[order], strict=True)
         files += [(f"map_{c.slug}.csv", columns, rows)]
         files += [(f"iterates_{c.slug}.csv", ("k", "d"), enumerate(c.orbit.tolist()))]
-    return Section("map", "Event map and iterates", parts, files=files)
+    return Chapter("map", "Event map and iterates", parts, files=files)
 
 
-def modes(run: StudyRun) -> Section:
+def modes(run: StudyRun) -> Chapter:
     """The possible and the observed modes."""
     main, names = run.main, run.study.mode_names
     with run.stage("possible transitions", run.until):
         possible = possible_graph(run.system)
     word = "In a mode: how often it was entered, and the mean time [s] that it lasted."
     word += f" Mode word of the end of the response: {main.word}." if main.word else ""
-    return Section("graph", "Modes and transitions", [
+    return Chapter("graph", "Modes and transitions", [
         Picture("graph", "Transitions that the system can make, with their guards",
                 f"`filippov graph {run.model.name}`", lambda: plot_graph(possible, names=names)),
         Picture("modes", f"Transitions that the response made, {main.label}",

@@ -14,7 +14,7 @@ from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.app.report.cycles import rows_of
 from filippov.app.report.effort import Effort
-from filippov.app.report.part import NONE, Picture, Section, TextTable, first, number
+from filippov.app.report.part import NONE, Chapter, Picture, TextTable, first, number
 from filippov.app.report.run import StudyRun
 from filippov.base.errors import SolveError
 from filippov.models.studies import Study, StudyCase
@@ -140,7 +140,7 @@ class Smoother:
         return None
 
 
-def relative(run: StudyRun) -> Section:
+def relative(run: StudyRun) -> Chapter:
     """Where the smoother model is right, and where it is not."""
     asked, name = run.study.relative, run.study.parameter
     assert asked is not None
@@ -195,7 +195,7 @@ def relative(run: StudyRun) -> Section:
         lambda: _branches(run, asked.name, size, found),
     )  # fmt: skip
     columns = ("case", name, "amplitude", "multiplier", "stable", "special")
-    return Section(
+    return Chapter(
         "relative", f"{asked.name} beside the inclusion", [picture, table], facts, {"relative": summary},
         [("relative.csv", columns, points)],
     )  # fmt: skip

@@ -16,7 +16,7 @@ from filippov.app.report.context import Progress
 from filippov.app.report.effort import Effort
 from filippov.app.report.files import rendered, write, write_csv
 from filippov.app.report.page import document, environment, machine
-from filippov.app.report.part import Picture, Section, TextTable, Words
+from filippov.app.report.part import Chapter, Picture, TextTable, Words
 from filippov.app.report.run import StudyRun
 from filippov.base.given import check_count
 from filippov.base.json_text import finite, json_text
@@ -27,7 +27,7 @@ from filippov.plot.style import style
 CASES, COMPUTED = 0.25, 0.85
 # Every section in the order of summary.json: its function, the entry of the study that requests it ("" for
 # always), and its time, as a fraction of the whole.
-SECTIONS: tuple[tuple[Callable[[StudyRun], Section], str, float], ...] = (
+SECTIONS: tuple[tuple[Callable[[StudyRun], Chapter], str, float], ...] = (
     (response.model, "", 0), (response.response, "", 0), (response.event_map, "", 0),
     (diagram.fixed_points, "", 0), (diagram.bifurcation, "", 0), (checks.classification, "", 0),
     (checks.stability, "", 0), (response.modes, "", 0.01), (band.comparison, "variants", 0.2),
@@ -98,7 +98,7 @@ def run_study(
     return plain
 
 
-def compute(run: StudyRun) -> tuple[list[Section], dict[str, tuple[str, bytes]]]:
+def compute(run: StudyRun) -> tuple[list[Chapter], dict[str, tuple[str, bytes]]]:
     """Every section that the study requests, in order, and their figures by name.
 
     Figures are drawn while another process computes the data of the last sections.
@@ -108,7 +108,7 @@ def compute(run: StudyRun) -> tuple[list[Section], dict[str, tuple[str, bytes]]]
         run.cases.append(CaseResults(run, case, k * share, (k + 1) * share))
     asked = [(make, part) for make, name, part in SECTIONS if not name or getattr(run.study, name)]
     whole, done = sum(part for _, part in asked), 0.0
-    made: dict[Callable[[StudyRun], Section], Section] = {}
+    made: dict[Callable[[StudyRun], Chapter], Chapter] = {}
     pictures: dict[str, tuple[str, bytes]] = {}
     for late in (False, True):
         for make, part in asked:
@@ -126,12 +126,12 @@ def compute(run: StudyRun) -> tuple[list[Section], dict[str, tuple[str, bytes]]]
     return (out if run.study.stated else [_unstated(section) for section in out]), pictures
 
 
-def _unstated(section: Section) -> Section:
+def _unstated(section: Chapter) -> Chapter:
     parts = [part.unstated() if isinstance(part, TextTable) else part for part in section.parts]
     return replace(section, parts=parts)
 
 
-def _frame(run: StudyRun) -> list[Section]:
+def _frame(run: StudyRun) -> list[Chapter]:
     """The sections around the computed ones: what was found, what differs from the source, versions."""
     files = Words("source", (
         f"Source of everything on this page: `filippov study {run.study.name}`. The figures are beside it as "
@@ -139,9 +139,9 @@ def _frame(run: StudyRun) -> list[Section]:
     ))  # fmt: skip
     seconds = tuple((name, f"{value:.2f}") for name, value in run.timing.items())
     return [
-        Section("summary", "The answer", [files]),
-        Section("differences", "What differs from the paper, and why"),
-        Section("versions", "Versions, machine, time", [
+        Chapter("summary", "The answer", [files]),
+        Chapter("differences", "What differs from the paper, and why"),
+        Chapter("versions", "Versions, machine, time", [
             TextTable("Versions and machine", ("what", "value"), tuple(machine().items()), label="machine"),
             TextTable("Time", ("stage", "seconds"), seconds, label="time"),
         ]),

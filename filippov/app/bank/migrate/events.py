@@ -12,13 +12,13 @@ from sympy import Symbol
 from filippov.app.bank import typed_json
 from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.expectation import LONGEST_LIST
-from filippov.app.bank.measures.along import Along
-from filippov.app.bank.measures.events import EventCount, EventList, EventRecord, OneEvent, SomeEvents
-from filippov.app.bank.measures.measure import Formula, Measure
-from filippov.app.bank.measures.states import Segments
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
 from filippov.app.bank.notation import formula
 from filippov.app.bank.outcome import NotUnderstoodError
+from filippov.app.bank.quantities.along import Along
+from filippov.app.bank.quantities.events import EventCount, EventList, EventRecord, OneEvent, SomeEvents
+from filippov.app.bank.quantities.quantity import Formula, Quantity
+from filippov.app.bank.quantities.states import Segments
 from filippov.base.errors import ModelError
 from filippov.base.names import parts
 from filippov.model.expression import FUNCTIONS
@@ -54,9 +54,9 @@ def _over(old: Old) -> Any:
     return "first_sliding" if re.search(r"slid|stick|after_ent", text) else "span"
 
 
-def _known(old: Old) -> dict[str, Measure]:
+def _known(old: Old) -> dict[str, Quantity]:
     """Names of times and states at the first entry, exit and crossing, and of the start."""
-    known: dict[str, Measure] = {}
+    known: dict[str, Quantity] = {}
     for kind, times, marks in _MARKS:
         known |= {name: OneEvent(kind) for name in times.split()}
         rows = [(state, state + mark) for state in old.states for mark in marks.split()]
@@ -79,7 +79,7 @@ def _claims(text: str) -> list[tuple[str, str]]:
     return found
 
 
-def _side(old: Old, text: str) -> tuple[str, dict[str, Measure]]:
+def _side(old: Old, text: str) -> tuple[str, dict[str, Quantity]]:
     """A side of an equation as a formula, with x for x(t), and the meaning of its names."""
     names, known = old.runs.names, _known(old)
     polar = {}
@@ -229,7 +229,7 @@ def _times(old: Old, g: Groups) -> list[Reading]:
     return sequence(old, lambda n: [SomeEvents(k, acting=a, until=until, first=n) for k, a in kinds])
 
 
-def sequence(old: Old, measures: Callable[[int], Sequence[Measure]]) -> list[Reading]:
+def sequence(old: Old, measures: Callable[[int], Sequence[Quantity]]) -> list[Reading]:
     """The first values of measures: a list, or a formula in n, from 0 or from 1, or n=a..b."""
     if not isinstance(old.value, str):
         return old.either(*measures(old.size))

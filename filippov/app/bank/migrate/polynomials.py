@@ -7,7 +7,10 @@ from typing import Any
 
 from sympy import Symbol
 
-from filippov.app.bank.measures.polynomials import (
+from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
+from filippov.app.bank.notation import formula
+from filippov.app.bank.outcome import NotUnderstoodError
+from filippov.app.bank.quantities.polynomials import (
     AxisFrequencies,
     AxisPair,
     RootCounts,
@@ -17,9 +20,6 @@ from filippov.app.bank.measures.polynomials import (
     StabilityVerdict,
     StableRange,
 )
-from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
-from filippov.app.bank.notation import formula
-from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.base.errors import ModelError
 from filippov.model.expression import parse_condition
 

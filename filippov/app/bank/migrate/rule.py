@@ -13,10 +13,10 @@ import numpy as np
 from filippov.app.bank.case import Case, Entry
 from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.expectation import Expectation, Subject
-from filippov.app.bank.measures.measure import Measure
 from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome
 from filippov.app.bank.polynomial import Polynomial
+from filippov.app.bank.quantities.quantity import Quantity
 from filippov.base.errors import ModelError, UsageError
 
 LONGEST_TOLERANCE = 100
@@ -107,7 +107,7 @@ class Old:
         """How many numbers are expected. Raises NotUnderstoodError where the value is prose."""
         return int(np.size(self.wanted()))
 
-    def e(self, measure: Measure, **compare: Any) -> Expectation:
+    def e(self, measure: Quantity, **compare: Any) -> Expectation:
         """An expectation of this name: of the entry's value, where nothing else is given to compare with."""
         if not {"value", "text", "sign", "least", "most"} & set(compare):
             self.wanted()
@@ -116,15 +116,15 @@ class Old:
             compare.setdefault("atol", self.tol)
         return Expectation(self.entry.name, measure, part=self.part, **compare)
 
-    def one(self, measure: Measure, **compare: Any) -> list[Reading]:
+    def one(self, measure: Quantity, **compare: Any) -> list[Reading]:
         """That expectation as the only reading."""
         return [Reading((self.e(measure, **compare),))]
 
-    def either(self, *chosen: Measure, **compare: Any) -> list[Reading]:
+    def either(self, *chosen: Quantity, **compare: Any) -> list[Reading]:
         """A reading for each measure."""
         return [Reading((self.e(measure, **compare),)) for measure in chosen]
 
-    def other(self, first: Measure, second: Measure, **compare: Any) -> Reading:
+    def other(self, first: Quantity, second: Quantity, **compare: Any) -> Reading:
         """The second measure where the first cannot be measured."""
         return Reading((self.e(first, **compare),), Reading((self.e(second, **compare),)))
 

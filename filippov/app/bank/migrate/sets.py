@@ -8,11 +8,16 @@ from typing import Any
 import numpy as np
 from sympy import Symbol
 
-from filippov.app.bank.measures.along import Along
-from filippov.app.bank.measures.events import EventCount, OneEvent, SomeEvents
-from filippov.app.bank.measures.measure import Formula
-from filippov.app.bank.measures.orbits import Threshold
-from filippov.app.bank.measures.sliding import (
+from filippov.app.bank.migrate.events import counting, kind_word
+from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
+from filippov.app.bank.migrate.states import velocity_name, when
+from filippov.app.bank.notation import formula
+from filippov.app.bank.outcome import NotUnderstoodError
+from filippov.app.bank.quantities.along import Along
+from filippov.app.bank.quantities.events import EventCount, OneEvent, SomeEvents
+from filippov.app.bank.quantities.orbits import Threshold
+from filippov.app.bank.quantities.quantity import Formula
+from filippov.app.bank.quantities.sliding import (
     Continuations,
     Rate,
     RateBounds,
@@ -20,12 +25,7 @@ from filippov.app.bank.measures.sliding import (
     Signs,
     VertexWeights,
 )
-from filippov.app.bank.measures.states import End, ModeAt, Phases, Rest, State, Steady, TurningPoints
-from filippov.app.bank.migrate.events import counting, kind_word
-from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
-from filippov.app.bank.migrate.states import velocity_name, when
-from filippov.app.bank.notation import formula
-from filippov.app.bank.outcome import NotUnderstoodError
+from filippov.app.bank.quantities.states import End, ModeAt, Phases, Rest, State, Steady, TurningPoints
 from filippov.base.errors import ModelError
 from filippov.base.status import Status
 from filippov.model.symbols import t as time_symbol

@@ -8,11 +8,15 @@ from typing import Any
 import numpy as np
 from sympy import Symbol
 
-from filippov.app.bank.measures.along import Along, Share
-from filippov.app.bank.measures.events import Accumulation, EventCount, OneEvent, Ratios, SomeEvents
-from filippov.app.bank.measures.measure import Formula, Measure, When
-from filippov.app.bank.measures.orbits import HarmonicBalance, PeriodicOrbit
-from filippov.app.bank.measures.states import (
+from filippov.app.bank.migrate.events import kind_word, resets, sequence
+from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
+from filippov.app.bank.notation import formula
+from filippov.app.bank.outcome import NotUnderstoodError
+from filippov.app.bank.quantities.along import Along, Share
+from filippov.app.bank.quantities.events import Accumulation, EventCount, OneEvent, Ratios, SomeEvents
+from filippov.app.bank.quantities.orbits import HarmonicBalance, PeriodicOrbit
+from filippov.app.bank.quantities.quantity import Formula, Quantity, When
+from filippov.app.bank.quantities.states import (
     LevelTimes,
     Phases,
     Segments,
@@ -21,10 +25,6 @@ from filippov.app.bank.measures.states import (
     Stop,
     TurningPoints,
 )
-from filippov.app.bank.migrate.events import kind_word, resets, sequence
-from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
-from filippov.app.bank.notation import formula
-from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.base.errors import ModelError
 
 _KINDS = "enter|entry|exit|leave|cross|crossing|slide|stick|switch|event|impact|reset|release"
@@ -160,7 +160,7 @@ def _of_period(old: Old, text: str) -> list[Reading]:
         match = re.fullmatch(r"(?:first_)?times?_([^=]+?)=([^=]+?)(?:(?:_up|_down)*)", entry.name)
         if match is not None:
             through, ends = level(old, match[1], match[2]), (("a", -2), ("b", -1))
-            where: dict[str, Measure] = {name: LevelTimes(through, ("+",), number=k) for name, k in ends}
+            where: dict[str, Quantity] = {name: LevelTimes(through, ("+",), number=k) for name, k in ends}
             return [old.other(Formula(re.sub(r"\bT\b", "(b-a)", text), where), orbit)]
     return old.one(orbit)
 
@@ -245,8 +245,8 @@ def _durations(old: Old, g: Groups) -> list[Reading]:
 
 
 def _phase_time(old: Old, _: Groups) -> list[Reading]:
-    ends: dict[str, Measure] = {n: OneEvent("any", over="period", number=k) for n, k in (("a", 1), ("b", 2))}
-    whole: dict[str, Measure] = {**ends, "T": PeriodicOrbit("period", "settled")}
+    ends: dict[str, Quantity] = {n: OneEvent("any", over="period", number=k) for n, k in (("a", 1), ("b", 2))}
+    whole: dict[str, Quantity] = {**ends, "T": PeriodicOrbit("period", "settled")}
     count = old.e(EventCount("any", over="period"), value=2, atol=0)
     return [Reading((old.e(one), count)) for one in (Formula("b-a", ends), Formula("T-(b-a)", whole))]
 

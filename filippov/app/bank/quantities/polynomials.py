@@ -9,10 +9,10 @@ from typing import Any, Literal
 
 import sympy
 
-from filippov.app.bank.measures.measure import PolynomialMeasure, one_of
 from filippov.app.bank.notation import Number, formula, number
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.polynomial import Polynomial
+from filippov.app.bank.quantities.quantity import PolynomialQuantity, one_of
 from filippov.base.errors import ModelError
 from filippov.base.names import check_known
 from filippov.model.expression import parse_condition
@@ -27,7 +27,7 @@ def assigned(polynomial: Polynomial, at: dict[str, Number]) -> Polynomial:
     return polynomial.at(values) if at else polynomial
 
 
-class RootCounts(PolynomialMeasure, quantity="root_counts"):
+class RootCounts(PolynomialQuantity, quantity="root_counts"):
     """The numbers of roots [right of, on, left of] the imaginary axis, exact, or one of them.
 
     at  values of parameters
@@ -44,7 +44,7 @@ class RootCounts(PolynomialMeasure, quantity="root_counts"):
         return row if self.take == "all" else row[("right", "axis", "left").index(self.take)]
 
 
-class Roots(PolynomialMeasure, quantity="roots"):
+class Roots(PolynomialQuantity, quantity="roots"):
     """All roots as [real, imaginary]."""
 
     at: dict[str, Number] = field(default_factory=dict)
@@ -53,7 +53,7 @@ class Roots(PolynomialMeasure, quantity="roots"):
         return [[root.real, root.imag] for root in assigned(subject, self.at).roots()]
 
 
-class RootDistance(PolynomialMeasure, quantity="root_distance"):
+class RootDistance(PolynomialQuantity, quantity="root_distance"):
     """The distance of the nearest root from [real, imaginary]."""
 
     root: tuple[Number, Number]
@@ -64,7 +64,7 @@ class RootDistance(PolynomialMeasure, quantity="root_distance"):
         return min(abs(root - wanted) for root in assigned(subject, self.at).roots())
 
 
-class StabilityVerdict(PolynomialMeasure, quantity="verdict"):
+class StabilityVerdict(PolynomialQuantity, quantity="verdict"):
     """The text "asymptotically stable", "marginally stable" or "unstable"."""
 
     at: dict[str, Number] = field(default_factory=dict)
@@ -76,7 +76,7 @@ class StabilityVerdict(PolynomialMeasure, quantity="verdict"):
         return verdict.value
 
 
-class StabilityCondition(PolynomialMeasure, quantity="stability_condition"):
+class StabilityCondition(PolynomialQuantity, quantity="stability_condition"):
     """The number of sample points of the parameters at which a condition differs from stability.
 
     The points are random rationals of several sizes, and points just beside the boundaries of the condition;
@@ -104,7 +104,7 @@ class StabilityCondition(PolynomialMeasure, quantity="stability_condition"):
         return float(wrong)
 
 
-class StableRange(PolynomialMeasure, quantity="stable_range"):
+class StableRange(PolynomialQuantity, quantity="stable_range"):
     """The values of the one parameter for which all roots are left of the axis.
 
     take  interval ([least, largest] of the only one), least, largest; boundaries: all finite ends, in order
@@ -128,7 +128,7 @@ class StableRange(PolynomialMeasure, quantity="stable_range"):
         return [float(value) for value in found] if self.take == "interval" else float(found[0])
 
 
-class AxisFrequencies(PolynomialMeasure, quantity="axis_frequencies"):
+class AxisFrequencies(PolynomialQuantity, quantity="axis_frequencies"):
     """Frequencies of the roots on the axis, in order: at the ends of a parameter's stable range if any."""
 
     number: int | None = None
@@ -146,7 +146,7 @@ class AxisFrequencies(PolynomialMeasure, quantity="axis_frequencies"):
         return found if self.number is None else one_of(found, self.number, "frequencies")
 
 
-class AxisPair(PolynomialMeasure, quantity="axis_pair"):
+class AxisPair(PolynomialQuantity, quantity="axis_pair"):
     """How far the roots are from +-j frequency where an equation holds, two of them being on the axis.
 
     equation   left = right, linear in a parameter, which is solved for; the others take some values

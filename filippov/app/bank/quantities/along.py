@@ -14,8 +14,8 @@ from scipy.optimize import minimize_scalar
 from sympy import Symbol
 
 from filippov.app.bank.case_runs import CaseRuns, slides
-from filippov.app.bank.measures.measure import Measure, Over, expression, segments_over
 from filippov.app.bank.outcome import MissingError
+from filippov.app.bank.quantities.quantity import Over, Quantity, expression, segments_over
 from filippov.model.symbols import t as time_symbol
 from filippov.solving.solution import Solution
 
@@ -24,7 +24,7 @@ SAMPLES = 101
 _NODES, _GAUSS = np.polynomial.legendre.leggauss(24)
 
 
-class Along(Measure, quantity="along"):
+class Along(Quantity, quantity="along"):
     """A property of a formula in t, the states and the parameters along the solution.
 
     take    max, min, max_abs (the largest magnitude: how far the formula is from vanishing), range (largest
@@ -39,7 +39,7 @@ class Along(Measure, quantity="along"):
     formula: str
     take: Literal["max", "min", "max_abs", "range", "spread", "mean", "rms"] = "max_abs"
     over: Over = "span"
-    where: dict[str, Measure] = field(default_factory=dict)
+    where: dict[str, Quantity] = field(default_factory=dict)
     signs: tuple[str, ...] = ()
     rates: tuple[str, ...] = ()
 
@@ -110,7 +110,7 @@ def _integral(run: Solution, f: Callable[[Array], Array], low: float, high: floa
     return total
 
 
-class Share(Measure, quantity="share"):
+class Share(Quantity, quantity="share"):
     """The part of the time spent in some modes, or that time itself.
 
     mode   a text of +, -, 0 and * (any) for each surface; missing ones are any

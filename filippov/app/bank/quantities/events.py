@@ -8,9 +8,9 @@ from typing import Any, Literal
 import numpy as np
 
 from filippov.app.bank.case_runs import CaseRuns
-from filippov.app.bank.measures.measure import Measure, When, moment, one_of
 from filippov.app.bank.notation import Number
 from filippov.app.bank.outcome import MissingError
+from filippov.app.bank.quantities.quantity import Quantity, When, moment, one_of
 from filippov.base.status import EventKind, Status
 from filippov.solving.solution import Solution
 from filippov.solving.state.events import Event
@@ -27,7 +27,7 @@ LONGER = (1.0, 2.0, 8.0, 32.0)
 NEAREST, MOST = 1e-9, 24
 
 
-class Filter(Measure):
+class Filter(Quantity):
     """Which events of a run, in order.
 
     kind         cross, slide (sliding begins), exit (it ends), graze, reset, time, any; else all but graze
@@ -153,7 +153,7 @@ class EventRecord:
     state_after: tuple[Number, ...] | None = None
 
 
-class EventList(Measure, quantity="event_list"):
+class EventList(Quantity, quantity="event_list"):
     """The largest deviation of times and states of the run's first events from this list.
 
     The events are in order, those at one instant in any order. An empty list: there are none.
@@ -207,7 +207,7 @@ def accumulation(runs: CaseRuns) -> Solution:
     raise MissingError(f"no events accumulate within {LONGER[-1]:g} times the span")
 
 
-class Accumulation(Measure, quantity="accumulation"):
+class Accumulation(Quantity, quantity="accumulation"):
     """The limit of accumulating events.
 
     take  t; or state_after: the state half as long again after it
@@ -223,7 +223,7 @@ class Accumulation(Measure, quantity="accumulation"):
         return subject.finished(t_end=end, zeno="continue").x_end
 
 
-class Ratios(Measure, quantity="ratios"):
+class Ratios(Quantity, quantity="ratios"):
     """Ratios of successive quantities at the events of an accumulation, a list.
 
     between  intervals (of time), distances (|h_1| + |h_2| + ...), or the name of a state: its magnitude

@@ -8,9 +8,9 @@ from typing import Any, Literal
 import numpy as np
 
 from filippov.app.bank.case_runs import CaseRuns, slides
-from filippov.app.bank.measures.measure import Measure, When, expression, moment, one_of
 from filippov.app.bank.notation import Number
 from filippov.app.bank.outcome import MissingError
+from filippov.app.bank.quantities.quantity import Quantity, When, expression, moment, one_of
 from filippov.base.status import EventKind, mode_text
 from filippov.solving.segments import Segment
 from filippov.solving.solution import Solution
@@ -19,7 +19,7 @@ from filippov.solving.state.events import Mode
 Rule = Literal["filippov", "moments", "utkin"]
 
 
-class State(Measure, quantity="state"):
+class State(Quantity, quantity="state"):
     """The state at a time; the run is continued if that is beyond the span.
 
     component  one state by name; default: all
@@ -50,7 +50,7 @@ def mode_at(runs: CaseRuns, when: When) -> Mode:
     return run.end_mode if t == run.t_end else run.mode_at(t, "+")
 
 
-class ModeAt(Measure, quantity="mode"):
+class ModeAt(Quantity, quantity="mode"):
     """The mode at a time, a text of +, - and 0 (sliding), one for each declared surface."""
 
     t: When = None
@@ -59,7 +59,7 @@ class ModeAt(Measure, quantity="mode"):
         return mode_text(mode_at(subject, self.t))[: len(subject.built.declared)]
 
 
-class Segments(Measure, quantity="segments"):
+class Segments(Quantity, quantity="segments"):
     """The parts of the run in one mode, in order, or the first of them: their modes or lengths, a list."""
 
     take: Literal["mode", "length"] = "mode"
@@ -71,7 +71,7 @@ class Segments(Measure, quantity="segments"):
         return (modes if self.take == "mode" else lengths)[: self.first]
 
 
-class SlidingOn(Measure, quantity="sliding_on"):
+class SlidingOn(Quantity, quantity="sliding_on"):
     """Numbers of the declared surfaces that the solution slides on at a time, in order."""
 
     t: When = None
@@ -81,7 +81,7 @@ class SlidingOn(Measure, quantity="sliding_on"):
         return [i for i in range(len(subject.built.declared)) if mode[i] == 0]
 
 
-class End(Measure, quantity="end"):
+class End(Quantity, quantity="end"):
     """The end of the run: its status as text (success, non_unique, zeno, grazing, not_finite, ...), or time.
 
     take     status, t, or size: the largest |x| there
@@ -98,7 +98,7 @@ class End(Measure, quantity="end"):
         return run.status.value if self.take == "status" else run.t_end
 
 
-class Steady(Measure, quantity="steady_state"):
+class Steady(Quantity, quantity="steady_state"):
     """The state that the solution settles at, followed up to 64 times the span.
 
     still  largest |x'| times the span, relative to the state, that counts as settled
@@ -118,7 +118,7 @@ class Steady(Measure, quantity="steady_state"):
         raise MissingError("the solution does not settle")
 
 
-class Rest(Measure, quantity="rest"):
+class Rest(Quantity, quantity="rest"):
     """A solution that is started at a point, for the span of the case but at most a time of 1.
 
     take  drift: how far it moves, with its velocity at the end; rests: the text yes or no
@@ -142,7 +142,7 @@ class Rest(Measure, quantity="rest"):
         return float(np.max(np.abs(run.x_end - point)) + np.max(np.abs(velocity)))
 
 
-class Stop(Measure, quantity="stop"):
+class Stop(Quantity, quantity="stop"):
     """The time at which the solution comes to permanent rest within the span, or the state.
 
     take   t, state, or the name of a state
@@ -164,7 +164,7 @@ class Stop(Measure, quantity="stop"):
         return subject.part(run.x_end, None if self.take == "state" else self.take)
 
 
-class Phases(Measure, quantity="phases"):
+class Phases(Quantity, quantity="phases"):
     """Phases that slide (stick), or that do not (slip); a slip through h = 0 is one phase.
 
     slides  whether those that slide are meant
@@ -211,7 +211,7 @@ def phases(segments: tuple[Segment, ...]) -> list[tuple[bool, float, float]]:
     return [phase for phase in out if phase[1] != phase[2]]
 
 
-class LevelTimes(Measure, quantity="level_times"):
+class LevelTimes(Quantity, quantity="level_times"):
     """Times at which a formula in t and the states vanishes along the run.
 
     directions  "+" rising, "-" falling: the first time of the first of these, then the next time of the
@@ -223,7 +223,7 @@ class LevelTimes(Measure, quantity="level_times"):
     directions: tuple[Literal["+", "-"], ...] | None = None
     number: int | None = None
     first: int | None = None
-    where: dict[str, Measure] = field(default_factory=dict)
+    where: dict[str, Quantity] = field(default_factory=dict)
 
     def __call__(self, subject: CaseRuns) -> Any:
         found = subject.zeros(subject.main, expression(subject, self.formula, self.where))
@@ -240,7 +240,7 @@ class LevelTimes(Measure, quantity="level_times"):
         return times
 
 
-class TurningPoints(Measure, quantity="turning_points"):
+class TurningPoints(Quantity, quantity="turning_points"):
     """Turning points of a state: times at which its derivative changes sign, or its values there.
 
     component  its name

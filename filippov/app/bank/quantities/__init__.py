@@ -1,6 +1,6 @@
 """The closed vocabulary of what an expectation can measure: one module for each group of quantities."""
 
-from filippov.app.bank.measures import (
+from filippov.app.bank.quantities import (
     along,
     events,
     orbits,
@@ -8,7 +8,7 @@ from filippov.app.bank.measures import (
     sliding,
     states,
 )
-from filippov.app.bank.measures.measure import Measure
+from filippov.app.bank.quantities.quantity import Quantity
 
-QUANTITIES: dict[str, type] = Measure.FAMILY[1]
+QUANTITIES: dict[str, type] = Quantity.FAMILY[1]
 GROUPS = (events, states, along, sliding, orbits, polynomials)

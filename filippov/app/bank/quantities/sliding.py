@@ -10,9 +10,9 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 
 from filippov.app.bank.case_runs import CaseRuns, slides
-from filippov.app.bank.measures.measure import Measure, When, moment, one_of
-from filippov.app.bank.measures.states import Rule
 from filippov.app.bank.outcome import MissingError
+from filippov.app.bank.quantities.quantity import Quantity, When, moment, one_of
+from filippov.app.bank.quantities.states import Rule
 from filippov.solving.solution import Solution
 from filippov.solving.state.machine import Machine
 
@@ -40,7 +40,7 @@ def _sliding(run: Solution, t: float) -> list[int]:
     return on
 
 
-class Signs(Measure, quantity="signs"):
+class Signs(Quantity, quantity="signs"):
     """The values of the signs that the solution slides on at a time (the equivalent control), in order.
 
     surface  only that of one surface; sliding: the rule of sliding
@@ -61,7 +61,7 @@ class Signs(Measure, quantity="signs"):
         return multipliers[place]
 
 
-class Rate(Measure, quantity="rate"):
+class Rate(Quantity, quantity="rate"):
     """x' in the mode at a time.
 
     component  of one state by name; sliding: the rule of sliding
@@ -78,7 +78,7 @@ class Rate(Measure, quantity="rate"):
         return subject.part(subject.velocity(run, t)[0], self.component)
 
 
-class VertexWeights(Measure, quantity="moments_weights"):
+class VertexWeights(Quantity, quantity="moments_weights"):
     """Weights of the vertex fields --, -+, +-, ++, ... in the moments solution at the end of the span."""
 
     def __call__(self, subject: CaseRuns) -> Any:
@@ -112,7 +112,7 @@ def _vertices(run: Solution, on: list[int]) -> tuple[Array, Array, Array, Array]
     return signs, np.array(fields), g, gt
 
 
-class RateBounds(Measure, quantity="rate_bounds"):
+class RateBounds(Quantity, quantity="rate_bounds"):
     """[least, largest] rate of a state over all convex combinations of the vertex fields that stay on the
     surfaces, at the end of the span."""
 
@@ -131,7 +131,7 @@ class RateBounds(Measure, quantity="rate_bounds"):
         return [float(ends[0].fun), -float(ends[1].fun)]
 
 
-class Continuations(Measure, quantity="continuations"):
+class Continuations(Quantity, quantity="continuations"):
     """The modes that can follow where the solution is not unique.
 
     slides  only those that slide
@@ -164,7 +164,7 @@ class Continuations(Measure, quantity="continuations"):
         return rows if self.number is None else one_of(rows, self.number, "continuations")
 
 
-class Reachable(Measure, quantity="reachable"):
+class Reachable(Quantity, quantity="reachable"):
     """The states that all solutions reach at a time.
 
     component  [least, largest] value of one state; default: the ends of all branches, a list of points

@@ -15,9 +15,9 @@ from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.app.bank.build import build
 from filippov.app.bank.case_runs import CaseRuns, in_time, slides
-from filippov.app.bank.measures.measure import Measure, one_of
 from filippov.app.bank.notation import Number
 from filippov.app.bank.outcome import MissingError
+from filippov.app.bank.quantities.quantity import Quantity, one_of
 from filippov.app.bank.recurrence import Cycle
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.base.names import check_known
@@ -28,7 +28,7 @@ SYMMETRIC = 1e-6
 SETTLED = 0.75  # the fraction of a doubled span that counts as settled
 
 
-class PeriodicOrbit(Measure, quantity="orbit"):
+class PeriodicOrbit(Quantity, quantity="orbit"):
     """The periodic solution that the run settles on, or the periodic orbit near the start, stable or not.
 
     take    period; multipliers (real, by growing modulus); moduli (of all of them); multiplier (that of the
@@ -121,7 +121,7 @@ def _eigenvalues(runs: CaseRuns, cycle: Cycle, half: bool) -> list[complex]:
     return [complex(v) for v in np.linalg.eigvals(-matrix if half else matrix)]
 
 
-class HarmonicBalance(Measure, quantity="harmonic_balance"):
+class HarmonicBalance(Quantity, quantity="harmonic_balance"):
     """A prediction of harmonic balance for a limit cycle: the `number`-th by growing amplitude."""
 
     take: Literal["period", "frequency", "amplitude"]
@@ -135,7 +135,7 @@ class HarmonicBalance(Measure, quantity="harmonic_balance"):
         return getattr(one_of(cycles, self.number, "predicted cycles"), self.take)
 
 
-class Threshold(Measure, quantity="threshold"):
+class Threshold(Quantity, quantity="threshold"):
     """The value of a parameter between settled solutions that reach a surface and those that do not.
 
     By bisection of `between`, where one end has such events and the other has none, down to `width`; the
@@ -170,7 +170,7 @@ class Threshold(Measure, quantity="threshold"):
         return any(e.t > after and e.kind is not EventKind.GRAZING for e in runs.events(run))
 
 
-class Fold(Measure, quantity="fold"):
+class Fold(Quantity, quantity="fold"):
     """The value of a parameter at which a branch of periodic orbits, or of equilibria, turns back.
 
     The branch begins at the orbit near the start of the case, or at the equilibrium near it.

@@ -1,4 +1,4 @@
-"""The base of all measures: a quantity computed from a case's runs, numbers or a text."""
+"""The base of all quantities: one is computed from a case's runs, numbers or a text."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from filippov.solving.solution import Solution
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
-class Measure:
+class Quantity:
     """A quantity by name: a frozen dataclass; called with a case's runs it returns its value.
 
     Raises MissingError where the case has none.
@@ -35,30 +35,30 @@ class Measure:
         dataclass(frozen=True)(cls)
         if quantity:
             cls.tag = quantity
-            Measure.FAMILY[1][quantity] = cls
+            Quantity.FAMILY[1][quantity] = cls
 
     def __call__(self, subject: Any) -> Any:
         raise NotImplementedError
 
 
-class PolynomialMeasure(Measure):
+class PolynomialQuantity(Quantity):
     """A quantity of a polynomial."""
 
     ABOUT = Polynomial
 
 
 # A time: a number, a formula, or another quantity that is one; where it is left out, the end of the span.
-When = Number | Measure | None
+When = Number | Quantity | None
 # The times of a quantity: the span of the case, the last period of the solution that the run settles on, its
 # first sliding, all of its sliding, or an interval.
 Over = Literal["span", "period", "first_sliding", "sliding"] | tuple[When, When]
 
 
-class Formula(Measure, quantity="formula"):
+class Formula(Quantity, quantity="formula"):
     """A formula in parameters and in other quantities by name; lists are evaluated entry by entry."""
 
     formula: str
-    where: dict[str, Measure] = field(default_factory=dict)
+    where: dict[str, Quantity] = field(default_factory=dict)
 
     def __call__(self, subject: Any) -> Any:
         given = {name: np.asarray(measure(subject), dtype=float) for name, measure in self.where.items()}
@@ -75,7 +75,7 @@ def moment(runs: CaseRuns, when: When) -> float:
     """The value of a time; by default the end of the span."""
     if when is None:
         return runs.t_end
-    if isinstance(when, Measure):
+    if isinstance(when, Quantity):
         return float(np.asarray(when(runs)).reshape(()))
     return runs.number(when)
 
@@ -99,7 +99,7 @@ def segments_over(runs: CaseRuns, over: Over) -> list[tuple[Solution, float, flo
 
 
 def expression(
-    runs: CaseRuns, text: str, where: dict[str, Measure], given: dict[str, Symbol] | None = None
+    runs: CaseRuns, text: str, where: dict[str, Quantity], given: dict[str, Symbol] | None = None
 ) -> Expr:
     """A formula in t, the states, the parameters, quantities that are numbers, and given symbols."""
     names = {**runs.names, **(given or {}), "t": time_symbol}
