@@ -30,7 +30,10 @@ FOOT = "err state: the largest, over the extent of the state; x: field calls ove
 
 @dataclass(frozen=True)
 class Needed:
-    """The widest width whose `quantity` is within `accuracy`, checked by a run; None where none was found."""
+    """The widest width whose `quantity` is within `accuracy`, checked by a run; None where none was found.
+
+    every   whether it is the widest of those computed: a wider one may do as well
+    """
 
     model: str
     quantity: str
@@ -38,6 +41,7 @@ class Needed:
     width: float | None
     error: float | None
     calls_ratio: float | None
+    every: bool = False
 
     @property
     def sentence(self) -> str:
@@ -45,6 +49,8 @@ class Needed:
         what = f"{self.model}: {WORDS[self.quantity]} within {self.accuracy:g}"
         if self.width is None:
             return f"{what} was not reached."
+        if self.every:
+            return f"{what} is met by every width computed, up to {self.width:.3g}: {self.error:.3g} there."
         return (
             f"{what} needs width {self.width:.3g}: checked, {self.error:.3g}, at {self.calls_ratio:.3g} "
             "times the field calls of the exact run."
@@ -59,7 +65,7 @@ class SolutionComparison(Answering):
                error_state, error_final (over the extent of each state), error_times, drift, stick (time),
                entries (into stick, by surface), ending, amplitude, period, field_calls, jacobians,
                factorisations, calls_ratio, seconds, note, measures
-    faults     a sentence for each qualitative difference at the narrowest width computed
+    faults     a sentence for each qualitative difference, at the narrowest width that has it
     needed     the widths for the requested accuracy
     exact      the exact Solution; solutions: those of the widest width by model
     """

@@ -13,6 +13,8 @@ import numpy.typing as npt
 from filippov.analysis.comparisons.approximation import Approximation
 from filippov.analysis.comparisons.solution_ending import ending
 from filippov.analysis.comparisons.solution_events import EventReader, Read
+from filippov.analysis.comparisons.solution_faults import Seen
+from filippov.analysis.comparisons.solution_gaps import largest_gap
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.status import Status
 from filippov.model.system import System
@@ -27,6 +29,8 @@ GRID, TAIL, TIGHT = 2001, 0.25, 3e-14
 STIFF_STEPS = 2000.0
 # Steps of time below the span by so many decades take longer than they tell.
 MOST_DECADES = 6
+# Of the accuracy: the error that a width is guessed for, and the one above which it is wide enough.
+AIM, ENOUGH = 0.9, 0.75
 EXPLICIT, IMPLICIT = "DOP853", "Radau"
 ERRORS = ("error_state", "error_final", "error_times", "drift")
 TOO_MANY = {Status.MAX_STEPS: "steps", Status.MAX_EVENTS: "events"}
@@ -58,18 +62,20 @@ class ExactSolution:
         }  # fmt: skip
         self.repeats = repeats
         self.measures = read_measures(measures, system) if measures else ()
+        self.blank: dict[str, None] = {}
         tight = {"rtol": max(TIGHT, 1e-2 * rtol), "atol": 1e-2 * atol}
         self.coarse = self._solved({})
         self.fine = self._solved(tight)
         self.span = abs(self.fine.t_end - self.fine.problem.t_span[0])
         self.times = np.linspace(self.fine.problem.t_span[0], self.fine.t_end, GRID)
         assert self.fine.sol is not None
-        self.states = self.fine.sol(self.times)
-        self.extent = _extent(self.states)
+        self.extent = _extent(self.fine.sol(self.times))
         self.reader = EventReader(system, self.p)
         self.reads = self.reader.exact(self.fine)
         self.ending = ending(self.fine, system.dimension, self.extent)
         self.row = self._row()
+        self.blank = dict.fromkeys(name for name in self.row if name not in OWN)
+        self.seen = Seen(self.row, self.ending, self.reads, self.fine.t_end)
 
     def _solved(self, tolerances: Mapping[str, float]) -> Solution:
         options = {**self.options, **tolerances}
@@ -98,19 +104,19 @@ class ExactSolution:
 
     def measured(self, solution: Solution, reads: Sequence[Read]) -> dict[str, Any]:
         """What a solution gives, compared with the exact one."""
-        sol, n = solution.sol, self.system.dimension
-        assert sol is not None
-        gap = np.abs(sol(self.times)[:n] - self.states) / self.extent[:, None]
+        n = self.system.dimension
+        gap = largest_gap(self.fine, solution, self.times, self.extent)
         end = np.abs(solution.x_end[:n] - self.fine.x_end) / self.extent
         own, exact = (
             sorted(event for read in each for event in read.events(self.span)) for each in (reads, self.reads)
         )
-        same = bool(self.reads) and [event[1:] for event in own] == [event[1:] for event in exact]
-        gaps = [abs(a[0] - b[0]) for a, b in zip(own, exact, strict=True)] if same else []
-        last = ending(solution, n, self.extent)
+        late = [] if gap.times is None else [gap.times]
+        same = bool(self.reads or late) and [event[1:] for event in own] == [event[1:] for event in exact]
+        late += [abs(a[0] - b[0]) for a, b in zip(own, exact, strict=True)] if same else []
+        last = ending(solution, n, self.extent, self.ending.follows)
         found = {
-            "error_state": float(np.max(gap)), "error_final": float(np.max(end)),
-            "error_times": (max(gaps, default=0.0) if same else None),
+            "note": gap.note, "error_state": gap.states, "error_final": float(np.max(end)),
+            "error_times": (max(late, default=0.0) if same else None),
             "drift": max((read.drift for read in reads if read.stays), default=None),
             "stick": sum(read.time for read in reads),
             "entries": [sum(not stay.from_start for stay in read.stays) for read in reads],
@@ -158,6 +164,7 @@ class ModelSolutions:
         self.exact, self.model = exact, model
         self.method = model.method or self._method(narrowest)
         self.solutions: dict[float, Solution] = {}
+        self.reads: dict[float, tuple[Read, ...]] = {}
 
     def _method(self, narrowest: float) -> str:
         """The explicit method where it is not held up by stability at the narrowest width, else Radau."""
@@ -200,16 +207,23 @@ class ModelSolutions:
             why = f"more than the {what} allowed" if what else f"ended with {solution.status.value}"
             return blank | {
                 "field_calls": solution.nfev, "calls_ratio": solution.nfev / max(exact.coarse.nfev, 1),
-                "note": f"not computed: {why} at t = {solution.t_end:.4g}",
+                **exact.blank, "note": f"not computed: {why} at t = {solution.t_end:.4g}",
             }  # fmt: skip
         self.solutions[width] = solution
-        reads = exact.reader.model(solution, self.model, width)
+        reads = self.reads[width] = exact.reader.model(solution, self.model, width)
         row = exact.measured(solution, reads)
         if not self.model.sticks:
             row |= {"error_times": None, "drift": None, "stick": None, "entries": [None] * len(reads)}
         row["calls_ratio"] = solution.nfev / max(exact.coarse.nfev, 1)
         row["seconds"] = exact.clock(system, start, options)
         return blank | row
+
+
+    def seen(self, row: Mapping[str, Any]) -> Seen:
+        """One of its rows with what it was made from."""
+        exact, solution = self.exact, self.solutions[row["width"]]
+        last = ending(solution, exact.system.dimension, exact.extent, exact.ending.follows)
+        return Seen(row, last, self.reads[row["width"]], solution.t_end)
 
 
 def chosen_widths(
@@ -238,14 +252,15 @@ def needed_width(
     """The widest width found whose error is within the accuracy, and its row: solved for, then run.
 
     The error is taken for a power of the width between the two computed widths around the accuracy, or beyond
-    the last two; each guess is a run, until one is within the accuracy and above a third of it.
+    the last two; each guess is a run, until one is within the accuracy and above three quarters of it. Where
+    all computed widths are, it is the widest of these.
     """
     known = {row["width"]: row for row in rows if row.get(quantity) is not None}
     for _ in range(tries):
         good = [w for w, row in known.items() if row[quantity] <= accuracy]
         bad = [w for w, row in known.items() if row[quantity] > accuracy]
         best = max(good, default=None)
-        if best is not None and (known[best][quantity] >= accuracy / 3 or best == max(known)):
+        if best is not None and (known[best][quantity] >= ENOUGH * accuracy or best == max(known)):
             return best, known[best]
         above = min((w for w in bad if best is None or w > best), default=None)
         if above is None:
@@ -258,10 +273,10 @@ def needed_width(
             slope = np.log(known[ends[1]][quantity] / known[ends[0]][quantity]) / np.log(ends[1] / ends[0])
             if not slope > 0.1:
                 break
-            guess = above * (0.7 * accuracy / known[above][quantity]) ** (1.0 / slope)
+            guess = above * (AIM * accuracy / known[above][quantity]) ** (1.0 / slope)
         elif known[low][quantity] > 0:
             slope = np.log(known[above][quantity] / known[low][quantity]) / np.log(above / low)
-            guess = low * (0.7 * accuracy / known[low][quantity]) ** (1.0 / slope)
+            guess = low * (AIM * accuracy / known[low][quantity]) ** (1.0 / slope)
         else:
             guess = np.sqrt(low * above)
         if not 0 < guess < np.inf or guess in known:

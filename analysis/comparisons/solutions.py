@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from filippov.analysis.comparisons.approximation import ALPHA, UNFIT, Unfit, approximations
-from filippov.analysis.comparisons.solution_ending import ending, faults
+from filippov.analysis.comparisons.solution_faults import faults
 from filippov.analysis.comparisons.solution_result import Needed, SolutionComparison
 from filippov.analysis.comparisons.solution_run import (
     ERRORS,
@@ -81,10 +81,9 @@ def compare_solutions(
     rows, wrong, needs, left = [exact.row], [], [], []
     shown: dict[str, Solution] = {}
     total = 1 + len(models) * len(sizes)
-    names = list(exact.reader.readers)
     for model in models:
         if isinstance(model, Unfit):
-            rows.append(blank_row(model.name, None) | {"note": f"{UNFIT}: {model.why}"})
+            rows.append(blank_row(model.name, None) | {**exact.blank, "note": f"{UNFIT}: {model.why}"})
             continue
         left += [f"{model.name} leaves {surface!r} exact: {why}" for surface, why in model.without.items()]
         own: list[dict[str, Any]] = []
@@ -99,17 +98,17 @@ def compare_solutions(
             if "allowed" in row["note"] and not spent:
                 spent = f"not computed: it was not possible at width {width:g}"
         done = [row for row in own if row["entries"] is not None]
-        narrow = done[-1] if done else own[0]
-        narrowest = approximate.solutions[narrow["width"]] if done else None
-        last = ending(narrowest, system.dimension, exact.extent) if narrowest else None
-        wrong += faults(narrow, last, exact.row, exact.ending, names, system.states, exact.extent)
+        wrong += faults([approximate.seen(row) for row in done], exact.seen, system.states, exact.extent)
         if done:
             shown[model.name] = approximate.solutions[done[0]["width"]]
+        else:
+            wrong.append(f"{model.name} at width {own[0]['width']:.3g}: {own[0]['note']}.")
         if accuracy is not None:
             width_found, row_found = needed_width(done, quantity, accuracy, approximate.row)
             error = None if row_found is None else row_found[quantity]
             ratio = None if row_found is None else row_found["calls_ratio"]
-            needs.append(Needed(model.name, quantity, accuracy, width_found, error, ratio))
+            widest = bool(done) and width_found == done[0]["width"]
+            needs.append(Needed(model.name, quantity, accuracy, width_found, error, ratio, widest))
     if progress is not None:
         progress(total, total)
     return SolutionComparison(tuple(rows), tuple(wrong), tuple(needs), exact.fine, shown, tuple(left))
