@@ -63,7 +63,7 @@ def test_15_4_an_impact_that_is_missed_counts_with_its_jump() -> None:
     def ball(deep: float) -> System:
         return System({y: v, v: -10.0}, surfaces=[Surface("floor", y + deep, reset={v: -v})], parameters=p)
 
-    table = compare(ball(0.0), (1, 0), (0, 0.45), against={"lower": lambda w: ball(w)}, widths=(0.05,))
+    table = compare(ball(0.0), (1, 0), (0, 0.45), against={"lower": ball}, widths=(0.05,))
     (row,) = table.of("lower")
     assert row["error_state"] > 0.9
     assert "1 impacts of one solution alone" in row["note"]
