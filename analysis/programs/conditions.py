@@ -118,6 +118,10 @@ class Conditions(Switching):
         if first is not None and second is not None:
             return bool(_PLAIN[how](first, second))
         difference = expression(a - b)
+        half = self.half_step(difference)
+        if half is not None:
+            self.site(node, "if", difference)
+            return self._counted(how, difference, half)
         if how in {"==", "!="}:
             held = self._equal(node, difference, 0)
             return plain(Not(held)) if how == "!=" else held
@@ -129,6 +133,12 @@ class Conditions(Switching):
         if not isinstance(held, bool):
             self.site(node, "if", a - b)
         return held
+
+    def _counted(self, how: str, difference: Any, half: Any) -> Any:
+        """A comparison with 0 of what counts, in steps of 2 half: with a limit that it never takes."""
+        above, below = (sympy.Gt(difference + q, 0, evaluate=False) for q in (-half, half))
+        held = {">": above, ">=": below, "<": Not(below), "<=": Not(above), "==": And(below, Not(above))}
+        return plain(held[how] if how in held else Or(Not(below), above))
 
     def _stepped(self, node: ast.AST, how: str, difference: Any, depth: int) -> Any:
         """A comparison with 0 of what takes finitely many values; None where it takes others."""

@@ -31,6 +31,8 @@ QUANTISED = (
 )
 # Levels of a staircase over one period of a clock that become surfaces.
 MOST_LEVELS = 50
+# Of a step: how near to a whole number of steps a limit counts as one.
+NEARLY_WHOLE = 1e-9
 
 
 class Switching:
@@ -70,7 +72,8 @@ class Switching:
             if is_number(x):
                 return float(np.sign(x))
             self.site(node, "sign", x)
-            return sign(x)
+            half = self.half_step(x)
+            return sign(x) if half is None else (sign(x - half) + sign(x + half)) / 2
 
         return elementwise(one, value)
 
@@ -103,14 +106,16 @@ class Switching:
         return elementwise(one, value, other)
 
     def heaviside(self, node: ast.AST, value: Any, half: Any = 0.5) -> Any:
-        """np.heaviside; its value at 0 is never used off the surface."""
-        del half
+        """np.heaviside; its value at 0 is used where the argument counts, never off the surface otherwise."""
 
         def one(x: Any) -> Any:
             if is_number(x):
                 return float(np.heaviside(x, 0.5))
             self.site(node, "heaviside", x)
-            return Heaviside(x)
+            between = self.half_step(x)
+            if between is None:
+                return Heaviside(x)
+            return half * Heaviside(x + between) + (1 - half) * Heaviside(x - between)
 
         return elementwise(one, value)
 
@@ -192,7 +197,10 @@ class Switching:
 
     def interpolate(self, node: ast.AST, x: Any, xp: Any, fp: Any, **given: Any) -> Any:
         """np.interp: a polygon, with a corner at each of its points."""
-        places, values = (np.asarray(v, dtype=float) for v in (xp, fp))
+        numbers = [[self.fixed(v) for v in np.ravel(np.asarray(row, dtype=object))] for row in (xp, fp)]
+        if any(None in row for row in numbers):
+            raise self.fail(node, "np.interp is followed for tables of numbers, not of the state")
+        places, values = (np.array(row, dtype=float) for row in numbers)
         if given or len(places) > 50:
             raise self.fail(node, "np.interp is followed with three arguments and at most 50 points")
 
@@ -289,6 +297,25 @@ class Switching:
         return self.norm(node, [u - v for u, v in zip(a, b, strict=True)])
 
     # -- steps ---------------------------------------------------------------------------------------------
+
+    def half_step(self, value: Any) -> Any:
+        """Half the distance between the values of what counts alone decide and which may be 0; else None.
+
+        What counts stays at 0 for a while, so its switching lies halfway between 0 and the next value.
+        """
+        if not isinstance(value, Expr):
+            return None
+        counts = [clock.symbol for clock in self.clocks.values() if clock.kind == "floor"]
+        slopes = [value.diff(n) for n in counts if value.has(n)]
+        numbers = [self.fixed(slope) for slope in slopes]
+        rest = self.fixed(value.xreplace(dict.fromkeys(counts, sympy.S.Zero)))
+        if not slopes or rest is None or None in numbers:
+            return None
+        sizes = [abs(number) for number in numbers if number]
+        if len(sizes) > 1 and not all(size == round(size) for size in sizes):
+            return None
+        step = sizes[0] if len(sizes) == 1 else float(math.gcd(*(round(size) for size in sizes)))
+        return None if abs(rest / step - round(rest / step)) > NEARLY_WHOLE else sympy.nsimplify(step / 2)
 
     def mod(self, node: ast.AST, a: Any, b: Any) -> Any:
         """A % b, with the sign of b."""
