@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from filippov import Surface, System, parameters, sign, states, t
 from filippov.analysis import compare
+from filippov.app.cli.main import main
+from filippov.base.errors import UsageError
 
 
 def driven(e: float, load: float) -> System:
@@ -127,3 +131,49 @@ def test_15_4_what_is_met_by_every_width_is_not_needed() -> None:
     assert not item.every
     assert item.error is not None
     assert 0.75e-3 <= item.error <= 1e-3
+
+
+def test_15_4_where_one_integrator_gives_up_the_other_is_tried() -> None:
+    """Radau ends with min_step where the lag of the memory model is 0 in stick; the order is 1."""
+    table = compare(belt(), (0.1, 0.2), (0, 40), against=["memory"], widths=(0.1, 0.01, 0.001))
+    assert {row["method"] for row in table.of("memory")} == {"DOP853"}
+    assert table.trend("memory", "error_state").order == pytest.approx(1, abs=0.2)
+
+
+def test_15_2_bristles_of_a_level_that_depends_on_the_state_take_a_time() -> None:
+    """A level 0.3 + 0.1 x^2 has no default time; with one each model's error falls with its width."""
+    x, v = states("x v")
+    block = System({x: v, v: -x - (0.3 + 0.1 * x**2) * sign(v)})
+    names = ["lugre", "elasto-plastic", "maxwell-slip", "seven-parameter"]
+    with pytest.raises(UsageError, match="tau"):
+        compare(block, (1, 0), (0, 4), against=names, widths=(1e-2, 1e-3))
+    table = compare(block, (1, 0), (0, 4), against=names, widths=(1e-2, 1e-3), tau=0.02)
+    for name in names:
+        wide, narrow = (row["error_state"] for row in table.of(name))
+        assert narrow < wide / 2, name
+
+
+def test_15_4_sliding_of_order_two_with_the_implicit_steps() -> None:
+    """Twisting rests after a finite time; steps with theta = 0.5 swing about that rest, with 1 not."""
+    x, v = states("x v")
+    twisting = System({x: v, v: -2 * sign(x) - sign(v)})
+    rests = {}
+    for theta in (0.5, 1.0):
+        table = compare(twisting, (1, 0), (0, 12), against=["moreau"], widths=(1e-3,), theta=theta)
+        rests[theta] = table.of("moreau")[0]["error_final"]
+    assert rests[1.0] < 1e-5
+    assert rests[1.0] < rests[0.5]
+
+
+def test_15_4_the_command_has_the_same_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = tmp_path / "block.py"
+    model.write_text(
+        "from filippov import System, sign, states\nx, v = states('x v')\n"
+        "block = System({x: v, v: -x - (0.3 + 0.1*x**2)*sign(v)})\n", encoding="utf-8",
+    )  # fmt: skip
+    words = ["compare", f"{model}:block", "--x0", "1,0", "--t-span", "0", "2", "--against", "lugre,moreau"]
+    more = ["--widths", "1e-2,1e-3", "--tau", "0.02", "--theta", "1", "--max-steps", "5000", "--json"]
+    assert main([*words, *more, "--quiet"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["model"] for row in rows] == ["exact", "lugre", "lugre", "moreau", "moreau"]
+    assert all(row["error_state"] is not None for row in rows)

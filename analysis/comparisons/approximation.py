@@ -11,7 +11,7 @@ from filippov.analysis.comparisons.band_model import SMOOTH_REACH, BandModel
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.keywords import constructor
 from filippov.base.names import unknown
-from filippov.model.bristles import BRISTLES
+from filippov.model.bristles import BRISTLES, DAMPED
 from filippov.model.bristles import MODELS as FRICTION
 from filippov.model.comparator import Band, Comparator, Hysteresis, Karnopp, Smooth, Switch
 from filippov.model.friction_model import with_friction_model
@@ -79,16 +79,20 @@ class Unfit(NamedTuple):
     why: str
 
 
-def approximations(exact: System, against: Any, alpha: float = ALPHA) -> list[Approximation | Unfit]:
+def approximations(
+    exact: System, against: Any, alpha: float = ALPHA, tau: float | None = None
+) -> list[Approximation | Unfit]:
     """The requested approximations: names of KINDS ("smooth" is "tanh") and of friction models, "moreau", a
     mapping from names to builds, Approximations, or several of these.
+
+    tau     the time of friction models that have one, see `with_friction_model`
 
     Raises UsageError: for unknown names, and where not one of them applies.
     """
     items = [against] if isinstance(against, str | Approximation) else against
     if isinstance(items, Mapping):
         return [Approximation(str(name), build) for name, build in items.items()]
-    out = [approximation(exact, item, alpha) for item in items]
+    out = [approximation(exact, item, alpha, tau) for item in items]
     names = [item.name for item in out]
     if not out or len(set(names)) < len(names):
         raise UsageError(f"against is {against!r}, expected at least one approximation, each once.")
@@ -102,7 +106,9 @@ def approximations(exact: System, against: Any, alpha: float = ALPHA) -> list[Ap
     return out
 
 
-def approximation(exact: System, item: Any, alpha: float = ALPHA) -> Approximation | Unfit:
+def approximation(
+    exact: System, item: Any, alpha: float = ALPHA, tau: float | None = None
+) -> Approximation | Unfit:
     """One of the requested approximations: a name, or as it is. Raises UsageError for an unknown name."""
     if isinstance(item, Approximation):
         return item
@@ -114,7 +120,7 @@ def approximation(exact: System, item: Any, alpha: float = ALPHA) -> Approximati
         raise UsageError(unknown("approximation", item, NAMES))
     try:
         if name in FRICTION:
-            return with_friction(exact, name)
+            return with_friction(exact, name, tau)
         if name in KINDS:
             return under(exact, name, alpha)
         check_fits(exact)
@@ -123,18 +129,20 @@ def approximation(exact: System, item: Any, alpha: float = ALPHA) -> Approximati
     return Approximation(name, lambda _: exact, method=STEPPING, timed=True)
 
 
-def with_friction(exact: System, name: str) -> Approximation:
+def with_friction(exact: System, name: str, tau: float | None = None) -> Approximation:
     """The system with a friction model of the literature on every switching surface to which it applies.
+
+    tau     its time, where it has one; default: from the level at rest
 
     Raises ModelError where there is none.
     """
     word = _fresh("width", exact)
     width = parameters(**{word: Parameter(1e-3, lower=SMALLEST, description=f"width of {name}")})[word]
-    made, without = exact, {}
+    made, without, own = exact, {}, tau if name in DAMPED else None
     surfaces = _switching(exact)
     for surface in surfaces:
         try:
-            made = with_friction_model(made, name, width, surface=surface)
+            made = with_friction_model(made, name, width, surface=surface, tau=own)
         except ModelError as error:
             without[surface] = str(error)
     if len(without) == len(surfaces):

@@ -160,8 +160,10 @@ def _extent(x: Array) -> Array:
 class ModelSolutions:
     """An approximation over the same solution, at any width."""
 
-    def __init__(self, exact: ExactSolution, model: Approximation, narrowest: float) -> None:
-        self.exact, self.model = exact, model
+    def __init__(
+        self, exact: ExactSolution, model: Approximation, narrowest: float, theta: float | None = None
+    ) -> None:
+        self.exact, self.model, self.theta = exact, model, theta
         self.method = model.method or self._method(narrowest)
         self.solutions: dict[float, Solution] = {}
         self.reads: dict[float, tuple[Read, ...]] = {}
@@ -175,7 +177,10 @@ class ModelSolutions:
         return IMPLICIT if steepest / narrowest * exact.span / 6.0 > STIFF_STEPS else EXPLICIT
 
     def solve(self, width: float) -> tuple[Solution, System, Array, dict[str, Any]]:
-        """The solution, what was solved, from where and with which options."""
+        """The solution, what was solved, from where and with which options.
+
+        Where the method does not reach the end, the other one is tried.
+        """
         exact, model = self.exact, self.model
         built = model.build(width)
         system, own = built if isinstance(built, tuple) else (built, {})
@@ -195,13 +200,21 @@ class ModelSolutions:
         options: dict[str, Any] = {"parameters": {**shared, **own}, "method": self.method, **exact.options}
         if model.timed:
             options = {k: v for k, v in options.items() if k not in ("rtol", "atol")} | {"dt": width}
-        return solve(system, start, exact.t_span, **options), system, start, options
+            options |= {} if self.theta is None else {"theta": self.theta}
+        solution = solve(system, start, exact.t_span, **options)
+        if solution.status in (Status.SUCCESS, Status.MAX_EVENTS) or model.timed:
+            return solution, system, start, options
+        instead = options | {"method": EXPLICIT if self.method == IMPLICIT else IMPLICIT}
+        other = solve(system, start, exact.t_span, **instead)
+        if other.status is not Status.SUCCESS:
+            return solution, system, start, options
+        return other, system, start, instead
 
     def row(self, width: float) -> dict[str, Any]:
         """Everything that is compared; a note, and no errors, where the run did not reach the end."""
         exact = self.exact
         solution, system, start, options = self.solve(width)
-        blank = blank_row(self.model.name, width) | {"method": self.method}
+        blank = blank_row(self.model.name, width) | {"method": options["method"]}
         if solution.status is not Status.SUCCESS:
             what = TOO_MANY.get(solution.status)
             why = f"more than the {what} allowed" if what else f"ended with {solution.status.value}"

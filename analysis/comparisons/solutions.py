@@ -40,6 +40,8 @@ def compare_solutions(
     accuracy: Positive | None = None,
     quantity: str = "error_state",
     alpha: Positive = ALPHA,
+    tau: Positive | None = None,
+    theta: Positive | None = None,
     rtol: Positive = 1e-10,
     atol: NonNegative = 1e-12,
     max_steps: Count = 200_000,
@@ -60,14 +62,17 @@ def compare_solutions(
     accuracy    of `quantity`: the width that it needs is solved for and checked by a run
     quantity    "error_state", "error_final", "error_times" or "drift"
     alpha       rate of the Switch and Karnopp models in stick [1/time]
+    tau         time of the bristle models that have one; default: from the friction level at rest
+    theta       of "moreau", 0.5 to 1, see `solve`; sliding of order two needs 1
     max_steps, max_events   budgets of one run; an approximation that uses one up is not tried at smaller
                 widths
     repeats     runs whose median is the reported time
     progress    called with (done, total, what)
 
     Stiff approximations are integrated by Radau where stability would limit an explicit method; the rows say
-    which. One that does not apply to the system has a row that says why; only where none applies is that an
-    error. Raises UsageError, ModelError.
+    which. Where the one does not reach the end, the other is tried. An approximation that does not apply to
+    the system has a row that says why; only where none applies is that an error. Raises UsageError,
+    ModelError.
     """
     if quantity not in ERRORS:
         raise UsageError(unknown("quantity", quantity, ERRORS))
@@ -76,7 +81,7 @@ def compare_solutions(
     exact = ExactSolution(
         system.exact, x0, t_span, parameters, measures, rtol, atol, max_steps, max_events, repeats
     )
-    models = approximations(system.exact, AGAINST if against is None else against, alpha)
+    models = approximations(system.exact, AGAINST if against is None else against, alpha, tau)
     sizes = chosen_widths(exact, widths, DECADES)
     rows, wrong, needs, left = [exact.row], [], [], []
     shown: dict[str, Solution] = {}
@@ -88,7 +93,7 @@ def compare_solutions(
         left += [f"{model.name} leaves {surface!r} exact: {why}" for surface, why in model.without.items()]
         own: list[dict[str, Any]] = []
         sizes = chosen_widths(exact, widths, DECADES, model.timed)
-        approximate, spent = ModelSolutions(exact, model, sizes[-1]), ""
+        approximate, spent = ModelSolutions(exact, model, sizes[-1], theta), ""
         for width in sizes:
             if progress is not None:
                 progress(len(rows), total, f"{model.name} {width:g}")

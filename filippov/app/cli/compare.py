@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from filippov.app.cli.configuration import Option
-from filippov.app.cli.values import number, numbers, one_of, texts, words
+from filippov.app.cli.values import number, numbers, one_of, texts, whole, words
 from filippov.base.errors import UsageError
 
 if TYPE_CHECKING:
@@ -29,12 +29,18 @@ APPROXIMATIONS = (
     Option("alphas", "stiffnesses of the band, with commas", numbers, metavar="ALPHA,ALPHA,..."),
     Option("accuracy", "along a solution: error whose width is solved for and checked", number,
            metavar="E"),
+    Option("tau", "along a solution: time of the bristle models that have one", number, metavar="T"),
+    Option("theta", "along a solution: of moreau, 0.5 to 1", number, metavar="THETA"),
+    Option("max_steps", "along a solution: budget of steps of a run", whole, metavar="N"),
+    Option("max_events", "along a solution: budget of events of a run", whole, metavar="N"),
     Option("quantity", "the error that --accuracy is of", one_of(*ERRORS),
            metavar="{" + ",".join(ERRORS) + "}"),
     Option("measure", "further numbers of each run: amplitude(x), path/to/file.py:name; can be repeated",
            texts, metavar="MEASURE", repeat=True),
 )  # fmt: skip
-OF_SOLUTIONS = ("against", "measure", "accuracy", "quantity")
+# Handed on by their names.
+NAMED = ("against", "accuracy", "quantity", "tau", "theta", "max_steps", "max_events")
+OF_SOLUTIONS = (*NAMED, "measure")
 
 
 def band_models(name: str, alphas: Any) -> list[Any]:
@@ -102,7 +108,7 @@ def run_solutions(loaded: Loaded, settings: dict[str, Any], console: Console) ->
     from filippov.app.cli.folder import Folder
 
     folder = Folder(settings["output"], console)
-    given = {name: settings[name] for name in ("widths", "against", "accuracy", "quantity", "rtol", "atol")}
+    given = {name: settings[name] for name in ("widths", "rtol", "atol", *NAMED)}
     given |= {"measures": settings["measure"], "alpha": (settings["alphas"] or [None])[0]}
     with console.progress("compare") as progress:
         result = compare_solutions(
