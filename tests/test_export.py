@@ -17,6 +17,7 @@ from fmpy.validation import validate_fmu
 from scipy.integrate import RK45
 
 from filippov import (
+    Max,
     ModelError,
     Problem,
     Surface,
@@ -25,8 +26,10 @@ from filippov import (
     export_system,
     parameters,
     sign,
+    sin,
     solve,
     states,
+    t,
 )
 from filippov.app.cli.main import main
 from filippov.io.automaton import method
@@ -328,3 +331,32 @@ def test_15_6_the_command_writes_the_file(tmp_path: Path, capsys: pytest.Capture
     for wrong in (words[:-2], [*words[:-1], str(tmp_path)], ["export", "thermostat", "-o", "x.zip"]):
         assert main(wrong) != 0
         assert capsys.readouterr().err.startswith("filippov: ")
+
+
+def damped(rng: np.random.Generator) -> tuple[System, tuple[float, float], float]:
+    """A body with a kink or a friction in v that hits a floor or a shaken wall: its v changes sign there."""
+    x, v = states("x v")
+    e, c = rng.uniform(0.4, 0.9), rng.uniform(0.05, 0.4)
+    drag = [c * v * abs(v), c * sign(v), c * Max(v, 0)][rng.integers(3)]
+    floor = [x, x - 0.1 * sin(5 * t), x + 0.1 * v**2][rng.integers(2)]
+    surface = Surface("floor", floor, reset={v: -e * v}, contact=False)
+    return System({x: v, v: -9.81 - drag}, surfaces=[surface]), (rng.uniform(0.5, 1.5), rng.uniform(-1, 1)), e
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_15_6_a_reset_that_crosses_other_surfaces_tells_of_them(seed: int, tmp_path: Path) -> None:
+    """The exact run has the crossing of v = 0 that the impact makes; the exported ones had it not."""
+    system, x0, _ = damped(np.random.default_rng(seed))
+    given = Problem(system, x0, (0, 1.0))
+    solution = solve(given, rtol=1e-11, atol=1e-13)
+    assert any(event.kind == "reset" for event in solution.events)
+    result = load(export_system(given, tmp_path / "drop.py")).run()
+    assert result.status == "success", result.message
+    agree([(e.t, e.surface, e.kind) for e in result.events], rows_of(solution, math.inf), 1e-8)
+    if COMPILER is None:
+        return
+    source, program = export_system(given, tmp_path / "drop.c"), tmp_path / "drop"
+    subprocess.run([COMPILER, "-O1", str(source), "-o", str(program), "-lm"], check=True)
+    done = subprocess.run([str(program)], capture_output=True, encoding="utf-8", check=True)
+    *rows, _ = [line.split(",") for line in done.stdout.splitlines()]
+    agree([(float(row[0]), row[1], row[2]) for row in rows], rows_of(solution, math.inf), 1e-8)

@@ -68,11 +68,8 @@ class Decisions(AtState):
                     if size > 0:
                         self.x = [v - h / size * g for v, g in zip(self.x, row, strict=True)]
 
-    def after_jump(self, before: Sequence[int], but: int = -1) -> list[tuple[int, str]]:
-        """Signs after the state has jumped; gives the surfaces that were passed, entered or left by it.
-
-        but     a surface that has its sign already
-        """
+    def after_jump(self, before: Sequence[int], but: int = -1) -> None:
+        """Signs after the state has jumped; but: a surface that has its sign already."""
         h = self.model.guards(self.t, self.x, self.p, [sign or 1 for sign in before])
         reached = []
         for i, sign in enumerate(before):
@@ -95,6 +92,9 @@ class Decisions(AtState):
             else:
                 self.order[i] = 0
         self.decide_on(reached)
+
+    def passed(self, before: Sequence[int], but: int = -1) -> list[tuple[int, str]]:
+        """The surfaces that a jump has passed, entered or left, but one, with the kinds of their events."""
         kinds = {True: "sliding exit", False: "crossing"}
         return [
             (i, "sliding entry" if self.m[i] == 0 else kinds[sign == 0])

@@ -610,6 +610,14 @@ static void record(Run *r, const char *surface, const char *kind, const int *bef
     if (r->handler) r->handler(r->t, surface, kind, before, r->m, x, r->user);
 }
 
+/* The events of a jump, in the order of surfaces; but: the surface whose reset it is, or -1. */
+static void record_jump(Run *r, const int *before, const double *x, int but) {
+    for (int i = 0; i < SURFACES; i++) {
+        const char *kind = r->m[i] == 0 ? "sliding entry" : before[i] == 0 ? "sliding exit" : "crossing";
+        if (i == but || r->m[i] != before[i]) record(r, SURFACE_NAMES[i], i == but ? "reset" : kind, before, x);
+    }
+}
+
 /* Takes the step that ends where a watched function vanishes, and decides what follows. */
 static void land(Run *r, const Step *q, int i, int what, double where, double slope) {
     double all[M][3], here[M][3], length = 0;
@@ -668,7 +676,8 @@ static void land(Run *r, const Step *q, int i, int what, double where, double sl
             memcpy(before, r->m, sizeof before);
             memcpy(x, r->x, sizeof x);
             kind = w == WATCH_H ? reach(r, j) : leave(r, j, w, count == 1 ? slope : -INFINITY);
-            record(r, SURFACE_NAMES[j], kind, before, x);
+            if (w == WATCH_H && !strcmp(kind, "reset")) record_jump(r, before, x, j);
+            else record(r, SURFACE_NAMES[j], kind, before, x);
         }
 }
 
@@ -697,10 +706,7 @@ static void strike_clocks(Run *r) {
         strike(k, r->t, x, r->p, r->m, r->x);
         check_finite(r, -1);
         if (memcmp(x, r->x, sizeof x)) after_jump(r, before, -1);
-        for (int i = 0; i < SURFACES; i++)
-            if (r->m[i] != before[i])
-                record(r, SURFACE_NAMES[i],
-                       r->m[i] == 0 ? "sliding entry" : before[i] == 0 ? "sliding exit" : "crossing", before, x);
+        record_jump(r, before, x, -1);
         record(r, CLOCK_NAMES[k], "time event", before, x);
     }
 }

@@ -246,7 +246,9 @@ class Automaton(Decisions):
             before = tuple(self.m)
             reached = tuple(self.x)
             kind = self.reach(j) if which == "h" else self.leave(j, which, slope if alone else -math.inf)
-            self.record(self.model.SURFACES[j], kind, before, reached)
+            others = self.passed(before, j) if kind == "reset" else []
+            for i, told in sorted([(j, kind), *others]):
+                self.record(self.model.SURFACES[i], told, before, reached)
 
     def tiny(self, key: tuple[int, str], t: float, x: Sequence[float]) -> float:
         """What is 0 of a watched function at an event."""
@@ -285,8 +287,9 @@ class Automaton(Decisions):
             self.x = self.model.strike(k, self.t, self.x, self.p, self.m)
             if not all(math.isfinite(v) for v in self.x):
                 raise Refusal("not_finite", f"the reset of clock {clock.name!r} gives no finite state.")
-            passed = self.after_jump(before) if tuple(self.x) != reached else []
-            for i, kind in passed:
+            if tuple(self.x) != reached:
+                self.after_jump(before)
+            for i, kind in self.passed(before):
                 self.record(self.model.SURFACES[i], kind, before, reached)
             self.record(clock.name, "time event", before, reached)
 
