@@ -65,3 +65,44 @@ def test_15_5_tables_of_the_module_in_every_form(kind: str) -> None:
     # Below 1 the table is y, so x = 1 - exp(-t) stays there.
     assert found.solution is not None
     assert found.solution.x_end[0] == pytest.approx(1 - math.exp(-5), abs=1e-8)
+
+
+calls = 0
+largest = 0.0
+on = False
+
+
+def test_15_5_a_number_of_calls_is_no_memory() -> None:
+    """Counted for the user's own use: f does not depend on it. What switches the field with it is refused."""
+
+    def f(t: float, y: Any) -> list[Any]:
+        global calls, largest  # noqa: PLW0603
+        calls += 1
+        if y[0] > largest:
+            largest = y[0]
+        return [-np.sign(y[0] - 0.5)]
+
+    found = diagnose(f, (1.0,), (0, 2))
+    assert found.solution is not None
+    assert found.solution.x_end[0] == pytest.approx(0.5, abs=1e-9)
+    assert found.system is not None
+    assert len(found.system.states) == 1
+    assert calls == 0
+    assert largest == 0.0
+
+
+def test_15_5_a_memory_that_the_field_reads_stays_one() -> None:
+    def f(t: float, y: Any) -> list[Any]:
+        global calls, on  # noqa: PLW0603
+        calls += 1
+        if y[0] > 1:
+            on = True
+        elif y[0] < 0:
+            on = False
+        return [-1.0 if on else 1.0]
+
+    found = diagnose(f, (0.5,), (0, 3))
+    assert found.system is not None
+    assert len(found.system.states) == 2
+    assert found.solution is not None
+    assert found.solution.x_end[0] == pytest.approx(0.5, abs=1e-9)  # up to 1, down to 0, and up again

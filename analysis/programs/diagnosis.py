@@ -199,7 +199,7 @@ def diagnose(
         findings.append(Finding("not translated", str(error).rstrip(".")))
     memories = reading.memories if reading else ()
     run = run_naively(f, start, span, args, method=method, rtol=rtol, atol=atol, max_calls=max_calls)
-    _put_back(memories)
+    _put_back([*memories, *(reading.unread if reading else ())])
     compared = 0
     if translation is not None and not memories:
         sentence, compared = disagreement(lambda t, y: f(t, y, *args), translation, run.t, run.y)

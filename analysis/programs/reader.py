@@ -46,6 +46,7 @@ class Reading:
     parameters   numbers that it reads, with their names
     sites        where it switches; memories, clocks: what it needs states of their own for
     remarks      sentences
+    unread       memories that no rate depends on, such as a number of calls
     """
 
     source: Source
@@ -58,6 +59,7 @@ class Reading:
     memories: tuple[Memory, ...]
     clocks: tuple[Clock, ...]
     remarks: tuple[str, ...]
+    unread: tuple[Memory, ...] = ()
 
 
 class Reader(Assignments):
@@ -95,11 +97,24 @@ class Reader(Assignments):
         field = self._rates(value)
         for memory in self.memories.values():
             memory.after = self.remembered.get(_key(memory), memory.symbol)
+        read = self._read(field)
+        unread = tuple(memory for memory in self.memories.values() if memory not in read)
+        gone = {memory.symbol for memory in unread}
+        sites = (site for site in self.sites if not gone & getattr(site.h, "free_symbols", set()))
         return Reading(
             self.source, field, self.time, self.states, self.state_names(), self.parameters,
-            tuple(self.sites), tuple(self.memories.values()), tuple(self.clocks.values()),
-            tuple(self.remarks),
+            tuple(sites), tuple(read), tuple(self.clocks.values()), tuple(self.remarks), unread,
         )  # fmt: skip
+
+    def _read(self, field: Sequence[Any]) -> list[Memory]:
+        """The memories that a rate depends on, or another one that a rate depends on."""
+        used = {symbol for rate in field for symbol in rate.free_symbols}
+        read: list[Memory] = []
+        while more := [m for m in self.memories.values() if m.symbol in used and m not in read]:
+            read += more
+            for memory in more:
+                used |= getattr(memory.after, "free_symbols", set())
+        return [memory for memory in self.memories.values() if memory in read]
 
     @staticmethod
     def parameter_names(source: Source) -> list[str]:
