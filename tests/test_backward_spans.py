@@ -85,3 +85,13 @@ def test_11_10_the_command_says_it_with_a_flag(tmp_path, capsys):
     assert main(arguments) == 2
     assert "--t-span 2 0 runs backwards in time: add --backward" in capsys.readouterr().err
     assert main([*arguments, "--backward"]) == 0
+
+
+def test_16_1_minus_one_is_backward() -> None:
+    """The sense of time as a number, as the flag."""
+    x, v = states("x v")
+    swing = System({x: v, v: -x})
+    ends = [solve(swing, (1, 0), (2, 0), backward=sense).x_end for sense in (True, -1)]
+    assert ends[0].tolist() == ends[1].tolist()
+    with pytest.raises(UsageError):
+        solve(swing, (1, 0), (2, 0), backward=1)

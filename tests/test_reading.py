@@ -261,18 +261,31 @@ def test_16_2_reports_are_shown_as_text(report: Any) -> None:
     assert object.__new__(told)._repr_html_() == "<pre>P &lt; 1</pre>"
 
 
-def test_16_2_one_figure_a_cell(motion: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The inline backend shows open figures at the end of a cell; their value shows nothing more."""
-    shown: list[Any] = []
-    module = type("display", (), {"display": staticmethod(lambda data, raw: shown.append(data))})
-    monkeypatch.setitem(__import__("sys").modules, "IPython.display", module)
-    figure: Any = motion.plot("x")
-    monkeypatch.setattr(mpl, "get_backend", lambda: "module://matplotlib_inline.backend_inline")
-    figure._ipython_display_()
-    assert not shown
-    plt.close(figure)
-    figure._ipython_display_()
-    assert shown[0]["image/png"].startswith(b"\x89PNG")
+# A cell of a notebook, and how many pictures it shows.
+CELLS = {
+    "run.plot()": 1, "figure = run.plot()": 1, "figure": 1, "run.plot(); other = run.plot()": 2,
+    "figure = run.plot(); display(figure)": 1, "plt.ion(); late = run.plot()": 1,
+    "plt.close('all'); figure": 1, "import matplotlib as mpl": 0, "for _ in range(2): run.plot()": 2,
+    "plt.plot([1, 2]);": 1,
+}  # fmt: skip
+
+
+def test_16_2_one_figure_a_cell(tmp_path: Path) -> None:
+    """In a kernel as notebooks and the pages have it, with its own way of showing figures."""
+    import nbformat
+    from nbclient import NotebookClient
+
+    first = """%matplotlib inline
+from matplotlib import pyplot as plt
+from filippov import System, sign, solve, states
+x, v = states('x v')
+run = solve(System({x: v, v: -x - sign(v)}), (5, 0), (0, 9))"""
+    book = nbformat.v4.new_notebook(
+        cells=[nbformat.v4.new_code_cell(source) for source in (first, *CELLS)]
+    )
+    NotebookClient(book, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}).execute()
+    shown = [[out for out in cell.outputs if "image/png" in out.get("data", {})] for cell in book.cells[1:]]
+    assert dict(zip(CELLS, map(len, shown), strict=True)) == CELLS
 
 
 def test_16_2_figures_show_outputs_and_units(motion: Solution) -> None:

@@ -8,6 +8,7 @@ import shlex
 from pathlib import Path
 
 import pytest
+from stubs import STUBS, stub
 
 from filippov.app.cli.catalogue import commands
 from filippov.app.cli.main import build_parser
@@ -98,3 +99,9 @@ def test_every_public_name_is_used_on_a_page(room: str) -> None:
     pages = [text for text in TEXTS if text.stem != "api"]
     words = set(re.findall(r"\w+", "\n".join(text.read_text(encoding="utf-8") for text in pages)))
     assert not set(importlib.import_module(room).__all__) - words - EARLIER
+
+
+@pytest.mark.parametrize("package", STUBS)
+def test_16_1_type_checkers_and_editors_see_every_name(package: str) -> None:
+    """The stub of a package is as `python tests/stubs.py` writes it."""
+    assert (ROOT / STUBS[package]).read_text(encoding="utf-8") == stub(package)

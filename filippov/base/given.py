@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
+from filippov.base.quantity import is_quantity
 from filippov.base.symbolic_value import is_expression, is_symbol, single
 
 # What annotations of public functions say beside float and int: a number > 0, >= 0; a whole one >= 1, >= 0;
@@ -154,12 +155,16 @@ def number_array(name: str, value: object, error: type[Exception] = UsageError) 
     """Real numbers as a new array of float64; raises `error` for text, flags, complex and masked numbers."""
     if type(value) is float:
         return np.array(value)
+    if type(value) is not np.ndarray:
+        _refuse_unit(name, value, error)
     # What has no mask need not load numpy.ma.
     if hasattr(value, "_mask") and np.ma.is_masked(value):
         raise error(f"{name} has masked entries, expected numbers. Leave them out, or fill them.")
     listed: Any = list(cast(Iterable[Any], value)) if _is_stream(value) else value
     try:
         array = np.asarray(listed)
+    except TypeError as why:  # as of pint, for quantities inside rows
+        raise error(f"{name} is {shown(listed)}, expected numbers: {why}.") from None
     except ValueError:
         raise error(f"{name} is {shown(listed)}, expected numbers in rows of one length.") from None
     if array.dtype.kind in "fiu" and (isinstance(value, np.ndarray) or not _has_flag(listed)):
@@ -173,6 +178,16 @@ def number_array(name: str, value: object, error: type[Exception] = UsageError) 
             "text."
         )
     return np.array(entries, dtype=np.float64).reshape(array.shape)
+
+
+def _refuse_unit(name: str, value: object, error: type[Exception]) -> None:
+    """Raise `error` for a quantity with a unit, whose magnitude numpy would take without a word."""
+    first = value[0] if isinstance(value, list | tuple) and value else value
+    if is_quantity(first) and not getattr(first, "dimensionless", False):
+        raise error(
+            f"{name} is {shown(value)}, a quantity whose unit cannot be converted here. Give its magnitude "
+            "in the unit of the model: q.to(unit).magnitude."
+        )
 
 
 def row(

@@ -22,7 +22,8 @@ from filippov.base.elementary import ELEMENTARY
 
 IN_AN_EQUATION = (
     "In an equation a choice is a function: Piecewise((a, v > 0), (b, True)) for if, Max and Min for max and "
-    "min, sign(v), Abs(v), Heaviside(v); conditions are joined by & and |."
+    "min, sign(v), Abs(v), Heaviside(v); conditions are joined by & and |. np.sign, np.maximum and np.clip "
+    "take one expression at a time, no list of them."
 )
 _RENAMED = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "asinh": "arcsinh",
             "acosh": "arccosh", "atanh": "arctanh"}  # fmt: skip
@@ -62,6 +63,9 @@ def apply_ufunc(self: Any, ufunc: Any, method: str, *inputs: Any, **options: Any
     """What numpy's function of numbers gives for expressions."""
     if method != "__call__" or options.get("out") is not None:
         return NotImplemented
+    asked = {name for name, value in options.items() if (name, value) not in (("out", None), ("where", True))}
+    if asked:
+        raise TypeError(f"np.{ufunc.__name__} of expressions takes no {', '.join(sorted(asked))}.")
     known = UFUNCS.get(ufunc)
     # A function of Python made one of arrays (np.frompyfunc, np.vectorize) takes whatever it is given.
     own = ufunc.types == ["O" * ufunc.nin + "->" + "O" * ufunc.nout]
@@ -83,18 +87,21 @@ def _boxed(item: Any) -> Any:
     return box
 
 
-def _where(condition: Any, then: Any, other: Any) -> Any:
-    return sympy.Piecewise((then, condition), (other, True))
+def _where(condition: Any, x: Any, y: Any) -> Any:
+    return sympy.Piecewise((x, condition), (y, True))
 
 
-def _clip(value: Any, low: Any = None, high: Any = None, **limits: Any) -> Any:
-    low, high = limits.get("min", low), limits.get("max", high)
-    upper = value if high is None else sympy.Min(value, high)
+def _clip(a: Any, a_min: Any = None, a_max: Any = None, **limits: Any) -> Any:
+    # The names are those of numpy, old and new.
+    if left := limits.keys() - {"min", "max"}:
+        raise TypeError(f" takes no {', '.join(sorted(left))}")
+    low, high = limits.get("min", a_min), limits.get("max", a_max)
+    upper = a if high is None else sympy.Min(a, high)
     return upper if low is None else sympy.Max(upper, low)
 
 
-def _select(conditions: Any, choices: Any, default: Any = 0) -> Any:
-    return sympy.Piecewise(*zip(choices, conditions, strict=True), (default, True))
+def _select(condlist: Any, choicelist: Any, default: Any = 0) -> Any:
+    return sympy.Piecewise(*zip(choicelist, condlist, strict=True), (default, True))
 
 
 FUNCTIONS: dict[Any, Callable[..., Any]] = {np.where: _where, np.clip: _clip, np.select: _select}
@@ -117,7 +124,11 @@ def apply_function(self: Any, function: Any, types: Any, args: Any, options: Any
             f"np.{name} is not known of expressions: write it with Piecewise, Min and Max from filippov, or "
             "give the system as plain functions: System(field=f, ...)."
         )
-    return known(*args, **options)
+    try:
+        return known(*args, **{name: value for name, value in options.items() if value is not None})
+    except TypeError as error:
+        name = getattr(function, "__name__", function)
+        raise TypeError(f"np.{name} of expressions: {str(error).removeprefix(known.__name__)}.") from None
 
 
 def _as_arrays(value: Any) -> Any:
@@ -137,6 +148,13 @@ def _with_advice(method: Callable[..., Any], advice: str) -> Callable[..., Any]:
     return asked
 
 
+def _method(function: Callable[..., Any]) -> Callable[[Any], Any]:
+    def of_one(self: Any) -> Any:
+        return function(self)
+
+    return of_one
+
+
 def install() -> None:
     """Give sympy's expressions and conditions the answers, once, where they have none of their own."""
     if hasattr(Expr, "__array_ufunc__"):
@@ -144,6 +162,10 @@ def install() -> None:
     for kind in (Expr, Boolean):
         kind.__array_ufunc__ = apply_ufunc
         kind.__array_function__ = apply_function
+    # For an array of expressions numpy calls the method of each that has the function's name.
+    for ufunc, function in UFUNCS.items():
+        if ufunc.nin == 1 and not hasattr(Expr, ufunc.__name__) and "O->O" in ufunc.types:
+            setattr(Expr, ufunc.__name__, _method(function))
     Boolean.__mul__ = Boolean.__rmul__ = lambda self, other: number_of(self) * _plain(other)
     Boolean.__add__ = Boolean.__radd__ = lambda self, other: number_of(self) + _plain(other)
     Boolean.__sub__ = lambda self, other: number_of(self) - _plain(other)

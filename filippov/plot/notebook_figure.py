@@ -13,10 +13,10 @@ from matplotlib.ticker import ScalarFormatter
 
 
 class NotebookFigure(Figure):
-    """A figure of pyplot: the inline backend shows those that are open at the end of a cell.
+    """A figure of pyplot that a notebook's cell shows once.
 
-    The value of the cell would be shown a second time; what is closed, of an earlier cell, is shown as its
-    picture.
+    The inline backend shows the figures that are open at the end of a cell, and the cell shows its value. A
+    figure that was shown is no longer open, so that the one leaves it to the other.
     """
 
     def add_subplot(self, *args: Any, **options: Any) -> Any:
@@ -28,10 +28,9 @@ class NotebookFigure(Figure):
         return axes
 
     def _ipython_display_(self) -> None:
-        number = getattr(self, "number", None)
-        if "inline" in mpl.get_backend() and number is not None and plt.fignum_exists(number):
-            return
         picture = io.BytesIO()
         self.savefig(picture, format="png")
         display: Any = sys.modules["IPython.display"].display
         display({"image/png": picture.getvalue(), "text/plain": repr(self)}, raw=True)
+        if "inline" in mpl.get_backend():
+            plt.close(self)

@@ -59,7 +59,7 @@ def solve(
     max_branches: int | None = ...,
     max_depth: int | None = ...,
     release_times: Any = ...,
-    backward: bool = ...,
+    backward: bool | int = ...,
     **options: Unpack[BranchOptions],
 ) -> SolutionTree: ...
 @overload
@@ -73,7 +73,7 @@ def solve(
     events: Any = ...,
     throw: bool = ...,
     progress: Callable[[float, float], None] | None = ...,
-    backward: bool = ...,
+    backward: bool | int = ...,
     **options: Unpack[RunOptions],
 ) -> Solution: ...
 @keywords(same=SAME_AS, answers=ANSWERS, own=("system", "method"))
@@ -87,7 +87,7 @@ def solve(
     events: Any = None,
     throw: bool = False,
     progress: Callable[[float, float], None] | None = None,
-    backward: bool = False,
+    backward: bool | int = False,
     method: MethodName | str = "DOP853",
     rtol: Positive = Options.rtol,
     atol: Tolerance | None = None,
@@ -228,7 +228,8 @@ def _solved(
 
 
 def _problem(
-    system: System | Problem, x0: Any, t_span: Any, parameters: Mapping[str, float] | None, backward: bool
+    system: System | Problem, x0: Any, t_span: Any, parameters: Mapping[str, float] | None,
+    backward: bool | int,
 ) -> Problem:
     if isinstance(system, Problem):
         if x0 is None and t_span is None and parameters is None and not backward:

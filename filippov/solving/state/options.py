@@ -255,7 +255,7 @@ def _usual_state(x0: Any, n: int) -> npt.NDArray[np.float64] | None:
     return array if all(map(math.isfinite, array.tolist())) else None
 
 
-def check_span(t_span: Any, backward: bool = False, x0: Any = None) -> tuple[float, float]:
+def check_span(t_span: Any, backward: bool | int = False, x0: Any = None) -> tuple[float, float]:
     """Two finite times, the second before the first only where `backward` says so.
 
     x0      the initial state given with it: a span that falls may be one, in scipy's order
@@ -277,7 +277,8 @@ def check_span(t_span: Any, backward: bool = False, x0: Any = None) -> tuple[flo
                 "stop=Stop(surface, kind), or events with terminal=True, and a late t1 such as 1e6."
             )
         values.append(found)
-    backward = flag("backward", backward)
+    # -1 is a sense of time as well as a flag.
+    backward = True if type(backward) is int and backward == -1 else flag("backward", backward)
     if values[1] < values[0] and not backward:
         other, pair = "", as_pair(x0)
         if pair is not None and pair[0] < pair[1]:

@@ -43,7 +43,7 @@ class Problem:
     @keywords("part of a problem", same=SAME_AS, answers=ANSWERS | _OF_SOLVE, own=("system",))
     def __init__(
         self, system: System, x0: Any, t_span: Any, parameters: Mapping[str, float] | None = None,
-        backward: bool = False,
+        backward: bool | int = False,
     ) -> None:  # fmt: skip
         if not isinstance(system, System):
             raise UsageError(
@@ -82,7 +82,7 @@ class Problem:
     @keywords("part of a problem", same=SAME_AS, answers=ANSWERS | _OF_SOLVE)
     def remake(
         self, *, system: System | None = None, x0: Any = None, t_span: Any = None,
-        parameters: Mapping[str, float] | None = None, backward: bool | None = None,
+        parameters: Mapping[str, float] | None = None, backward: bool | int | None = None,
     ) -> Problem:  # fmt: skip
         """The same problem with some of system, x0, t_span, parameters replaced; parameters by name.
 
@@ -106,7 +106,7 @@ class Problem:
 
 
 def _start_and_span(
-    system: System, x0: Any, t_span: Any, backward: bool
+    system: System, x0: Any, t_span: Any, backward: bool | int
 ) -> tuple[npt.NDArray[np.float64], tuple[float, float]]:
     """The initial state and the span, checked."""
     _check_order(x0, t_span, system)

@@ -1,0 +1,7 @@
+# What this package offers, for type checkers and editors; at run time names are imported when first used.
+
+from filippov.app.explorer.explorer import Explorer
+
+__all__ = [
+    "Explorer",
+]
