@@ -25,7 +25,6 @@ class Plant:
     """One solution of the table: a system, where it starts, its span, and the widths that are tried.
 
     widths   of bands, in the units of h; deflections: of bristles, in those of its integral; steps: of time
-    jumps    whether impacts make the state jump
     """
 
     title: str
@@ -35,7 +34,6 @@ class Plant:
     widths: Sequence[float] = (1e-3, 1e-4, 1e-5)
     deflections: Sequence[float] = (1e-3, 1e-4, 1e-5)
     steps: Sequence[float] = (1e-2, 1e-3, 1e-4)
-    jumps: bool = False
 
 
 def drive(law: FrictionLaw = LAW) -> System:
@@ -62,6 +60,5 @@ PLANTS: dict[str, Plant] = {
     ),
     "ball": Plant(
         "A bouncing ball", lambda: get("bouncing_ball").build(), (1, 0), (0, 4), steps=(1e-3, 1e-4, 1e-5),
-        jumps=True,
     ),
 }  # fmt: skip

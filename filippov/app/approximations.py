@@ -71,9 +71,7 @@ def _summary(plant: str, model: str, found: SolutionComparison) -> dict[str, Any
     done = [row for row in found.of(model) if row["entries"] is not None]
     if not done:
         return _row(plant, found.of(model)[-1], found.of(model)[-1]["note"])
-    # Where the state jumps, the largest error is the jump itself for as long as the times differ.
-    quantity = "error_final" if PLANTS[plant].jumps else "error_state"
-    trend, theory = found.trend(model, quantity), THEORY[model]
+    trend, theory = found.trend(model, "error_state"), THEORY[model]
     said = list(found.faults)
     if trend.order is not None and trend.order < theory - 0.25:
         said.insert(0, f"order {trend.order:.2f}, below the {theory:g} of theory.")

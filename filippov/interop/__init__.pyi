@@ -1,4 +1,4 @@
-# What this package offers, for type checkers and editors; at run time names are imported when first used.
+# What this package offers, for type checkers and editors; at run time names are imported at first use.
 
 from filippov.interop.control_blocks import (
     backlash,
