@@ -1,4 +1,4 @@
-# What this package offers, for type checkers and editors; at run time names are imported at first use.
+# What this package offers, for type checkers and editors: a name is imported at its first use.
 
 from filippov.analysis.algebra.routh_hurwitz import routh_hurwitz
 from filippov.analysis.bifurcations.branch import Branch

@@ -11,7 +11,7 @@ STUBS = {
     "filippov.analysis": "analysis/__init__.pyi",
     **{f"filippov.{room}": f"filippov/{room}/__init__.pyi" for room in ("app", "graphs", "interop", "plot")},
 }
-HEAD = "# What this package offers, for type checkers and editors; at run time names are imported at first use."
+HEAD = "# What this package offers, for type checkers and editors: a name is imported at its first use."
 WIDTH = 110
 
 

@@ -1,4 +1,4 @@
-# What this package offers, for type checkers and editors; at run time names are imported at first use.
+# What this package offers, for type checkers and editors: a name is imported at its first use.
 
 from filippov.graphs.graph import observed_graph, possible_graph, recurrent_part
 from filippov.graphs.graph_io import load_graph, save_graph
