@@ -63,6 +63,19 @@ def test_page_runs_and_its_numbers_hold(page: Path, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr[-3000:]
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_16_7_pages_that_draw_show_their_pictures(page: Path) -> None:
+    """As many as cells that make a figure and do not close it, on the pages as they were built."""
+    build = ROOT / "docs" / "_build" / "html"
+    drawing = [
+        cell for cell in CELL.findall(page.read_text(encoding="utf-8"))
+        if re.search(r"\bplot\(|\bplot_\w+\(|plt\.subplots\(", cell) and "plt.close" not in cell
+    ]  # fmt: skip
+    if drawing and is_current(build):
+        shown = (build / f"{page.stem}.html").read_text(encoding="utf-8")
+        assert len(re.findall(r"<img [^>]*(?:_images/[0-9a-f]{40,}|data:image)", shown)) >= len(drawing)
+
+
 def test_every_page_is_in_the_index() -> None:
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     trees = re.findall(r"```\{toctree\}\n(.*?)```", index, re.DOTALL)

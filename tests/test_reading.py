@@ -264,22 +264,23 @@ def test_16_2_reports_are_shown_as_text(report: Any) -> None:
 # A cell of a notebook, and how many pictures it shows.
 CELLS = {
     "run.plot()": 1, "figure = run.plot()": 1, "figure": 1, "run.plot(); other = run.plot()": 2,
-    "figure = run.plot(); display(figure)": 1, "plt.ion(); late = run.plot()": 1,
+    "figure = run.plot(); display(figure)": 1,
+    "from matplotlib import pyplot as plt; plt.plot([1, 2]);": 1, "plt.ion(); late = run.plot()": 1,
     "plt.close('all'); figure": 1, "import matplotlib as mpl": 0, "for _ in range(2): run.plot()": 2,
     "plt.plot([1, 2]);": 1,
 }  # fmt: skip
 
 
-def test_16_2_one_figure_a_cell(tmp_path: Path) -> None:
+@pytest.mark.parametrize("inline", ["%matplotlib inline", ""], ids=["asked for", "by default"])
+def test_16_2_one_figure_a_cell(inline: str, tmp_path: Path) -> None:
     """In a kernel as notebooks and the pages have it, with its own way of showing figures."""
     import nbformat
     from nbclient import NotebookClient
 
-    first = """%matplotlib inline
-from matplotlib import pyplot as plt
+    first = f"""{inline}
 from filippov import System, sign, solve, states
 x, v = states('x v')
-run = solve(System({x: v, v: -x - sign(v)}), (5, 0), (0, 9))"""
+run = solve(System({{x: v, v: -x - sign(v)}}), (5, 0), (0, 9))"""
     book = nbformat.v4.new_notebook(
         cells=[nbformat.v4.new_code_cell(source) for source in (first, *CELLS)]
     )

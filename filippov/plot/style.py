@@ -35,8 +35,10 @@ _RC: dict[str, Any] = {
 def style() -> AbstractContextManager[None]:
     """A context in which figures get this look."""
     mpl = _matplotlib()
-    # Resolved first: a context left after the backend was chosen inside it would undo that choice.
-    mpl.get_backend()
+    from matplotlib import pyplot as plt
+
+    # The backend is loaded first: what it sets of matplotlib would be undone at the end of the context.
+    plt.draw_if_interactive()
     return mpl.rc_context(_RC)  # type: ignore[no-any-return]
 
 
