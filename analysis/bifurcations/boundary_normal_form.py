@@ -11,9 +11,16 @@ The sliding field has the eigenvalues of (1 - B C/(C B)) A on C x = 0; in the pl
 det A (C A^-1 B)/(C B). A planar focus that repels (for C B < 0: that attracts, with time reversed) has a
 sliding cycle if the solution from the visible tangency comes back to the surface before the pseudo-saddle.
 In the plane the point is a boundary focus, node or saddle by the roots of A.
-Source: di Bernardo, Budd, Champneys & Kowalczyk 2008; Kuznetsov, Rinaldi & Gragnani 2003 (the three classes;
-their cases are described here, not numbered: later classifications count them differently, Hogan, Homer,
-Jeffrey & Szalai 2016).
+
+On a kink, where the field is continuous, B = 0 and nothing slides. There an equilibrium of one side meets
+that of the other. The Jacobians A, A' differ by a matrix c C of rank 1, so that D det A is the same on both
+sides, and the equilibria are there for D dv > 0 and D' dv < 0:
+
+    det A det A' > 0  persistence       det A det A' < 0  non-smooth fold
+
+Source: di Bernardo, Budd, Champneys & Kowalczyk 2008; Leine & Nijmeijer 2004 (kinks); Kuznetsov, Rinaldi &
+Gragnani 2003 (the three classes; their cases are described here, not numbered: later classifications count
+them differently, Hogan, Homer, Jeffrey & Szalai 2016).
 """
 
 from __future__ import annotations
@@ -24,13 +31,16 @@ from scipy.optimize import brentq
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.growth import ROUNDING
-from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
+from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem, is_kink
 from filippov.analysis.bifurcations.smooth_normal_form import number
 from filippov.base.errors import UsageError
 
 Array = npt.NDArray[np.float64]
 Form = tuple[dict[str, float], str]
 _ZERO, _SAMPLES, _TURNS = 1e-7, 64, 1.5
+# Determinants below this part of the product of the lengths of their rows are 0.
+_SINGULAR = 1e-9
+_CHANGE = "; the stability changes there"
 
 
 class BoundaryEquilibrium:
@@ -159,6 +169,75 @@ class BoundaryEquilibrium:
             if abs(back) >= abs(pseudo):
                 return ""
         return f" inside {'a stable' if self.across > 0 else 'an unstable'} sliding cycle"
+
+
+class KinkEquilibrium:
+    """The two sides at a boundary equilibrium on a kink.
+
+    problem  equilibria of the side from which the branch comes; test: "boundary NAME"
+    other    the mode in which it goes on, where kinks meet; default: the other side of the one
+    """
+
+    def __init__(
+        self, problem: EquilibriumProblem, test: str, u: Array, value: float, other: str = ""
+    ) -> None:
+        i = problem.system.surface_index(test.partition(" ")[2])
+        self.sides = problem, problem.in_mode(other, u) if other else problem.beyond([i], u)
+        self.points = [side.point(u, value) for side in self.sides]
+        matrices = [side.evaluate(u, value)[1] for side in self.sides]
+        self.slopes = [side.inwards(i, u, value)[1] for side in self.sides]
+        # With other surfaces slid on, the matrices are those of field and surfaces together.
+        self.A = [matrix[:, :-1] for matrix in matrices]
+        self.M = [matrix[:, -1] for matrix in matrices]
+        self.dets = [_determinant(A) for A in self.A]
+
+    def form(self, value: float, name: str) -> Form:
+        """Coefficients and what they predict; name: of the parameter."""
+        out = {"det A": self.dets[0], "det A beyond": self.dets[1]}
+        if 0.0 in self.dets:
+            return out, "degenerate: an eigenvalue of the equilibrium of one side is 0"
+        moves = []
+        for A, M, slope in zip(self.A, self.M, self.slopes, strict=True):
+            along = slope[:-1] * linalg.solve(A, M)
+            size = abs(slope[-1]) + float(np.sum(np.abs(along)))
+            move = float(slope[-1] - np.sum(along))
+            moves.append(0.0 if abs(move) <= _ZERO * size else move)
+        out |= {"dH/dvalue": moves[0], "dH/dvalue beyond": moves[1]}
+        if 0.0 in moves:
+            return out, "degenerate: the parameter does not move the equilibrium across the surface"
+        away, back = (">", "<") if moves[0] > 0 else ("<", ">")
+        there, here = (f"for {name} {sign} {number(value)}" for sign in (away, back))
+        mine, other = (self._named(k) for k in (0, 1))
+        # Beside one kink the signs of the determinants say the same.
+        if moves[0] * moves[1] > 0:
+            return out, f"non-smooth fold: {mine} and {other} {there}, neither {here}"
+        changes = {point.verdict for point in self.points} == {"stable", "unstable"}
+        return out, f"persistence: {mine} {there}, {other} {here}{_CHANGE if changes else ''}"
+
+    def _named(self, k: int) -> str:
+        """The equilibrium of one side, with its mode."""
+        point = self.points[k]
+        if self.sides[k].sliding:
+            verdict = {"stable": "a stable", "unstable": "an unstable"}.get(point.verdict, "an undecided")
+            return f"{verdict} pseudo-equilibrium in mode {point.word}"
+        return f"{_kind(np.array(point.multipliers))} in mode {point.word}"
+
+
+def boundary(
+    problem: EquilibriumProblem, test: str, u: Array, value: float, other: str = ""
+) -> BoundaryEquilibrium | KinkEquilibrium:
+    """What meets at a boundary equilibrium, by the surface of a test; other: see `KinkEquilibrium`."""
+    end, _, name = test.partition(" ")
+    if end == "boundary" and is_kink(problem.system, problem.system.surface_index(name)):
+        return KinkEquilibrium(problem, test, u, value, other)
+    return BoundaryEquilibrium(problem, test, u, value)
+
+
+def _determinant(A: Array) -> float:
+    """The determinant; 0 where rounding decides its sign."""
+    found = float(np.linalg.det(A))
+    rows = float(np.prod(np.linalg.norm(A, axis=1)))
+    return found if abs(found) > _SINGULAR * rows else 0.0
 
 
 def _kind(values: npt.NDArray[np.complex128]) -> str:

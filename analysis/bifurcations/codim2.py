@@ -11,9 +11,9 @@
                      double grazing: another least height is 0; degenerate crossing- and switching-sliding:
                      L_F2^2 H = 0, where the two kinds meet
     boundary equilibrium
-                     boundary fold, boundary Hopf; degenerate boundary equilibrium, C A^-1 B = 0, between
-                     persistence and non-smooth fold; boundary tangency, C B = 0; boundary node-focus in the
-                     plane; corner equilibrium on a second surface
+                     boundary fold, boundary Hopf; degenerate boundary equilibrium, C A^-1 B = 0 (on a kink
+                     det A = 0 beyond it), between persistence and non-smooth fold; boundary tangency,
+                     C B = 0; boundary node-focus in the plane; corner equilibrium on a second surface
     curves of equilibria that meet a surface: boundary fold, boundary Hopf
 
 Source: Kuznetsov 2004; Kowalczyk et al. 2006, Int. J. Bif. Chaos 16, 601, for the border
@@ -29,7 +29,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
-from filippov.analysis.bifurcations.boundary_normal_form import BoundaryEquilibrium
+from filippov.analysis.bifurcations.boundary_normal_form import KinkEquilibrium, boundary
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.branch_problem import OrbitProblem, pairs, product
 from filippov.analysis.bifurcations.corrector import FAILURES
@@ -155,17 +155,25 @@ def _boundary(kind: str, inner: EquilibriumProblem, u: Array, value: float, poin
         if is_boundary(key) and key.split(" ", 1)[1] != kind.split(" ", 1)[1]:
             yield f"corner equilibrium @{key}", number
     try:
-        at = BoundaryEquilibrium(inner, kind, u, value)
+        at = boundary(inner, kind, u, value)
     except UsageError:
         return
-    values = linalg.eigvals(at.A).astype(complex)
+    if isinstance(at, KinkEquilibrium):
+        yield "degenerate boundary equilibrium", float(np.linalg.det(at.A[1]))
+        A = at.A[0]
+        if inner.sliding:
+            yield "boundary fold", float(np.linalg.det(A))
+            return
+    else:
+        yield "degenerate boundary equilibrium", at.bordered
+        yield "boundary tangency", at.across
+        A = at.A
+    values = linalg.eigvals(A).astype(complex)
     yield "boundary fold", product(values)
-    yield "degenerate boundary equilibrium", at.bordered
-    yield "boundary tangency", at.across
     if len(values) > 1:
         yield "boundary Hopf", pairs(values, True)
     if len(values) == 2:
-        yield "boundary node-focus", float(np.trace(at.A) ** 2 - 4 * np.linalg.det(at.A))
+        yield "boundary node-focus", float(np.trace(A) ** 2 - 4 * np.linalg.det(A))
 
 
 def border_tests(kind: str, values: Complex, others: list[float], bend: float | None) -> dict[str, float]:

@@ -41,6 +41,7 @@ from filippov.base.errors import UsageError
 from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
+from filippov.base.status import mode_text
 
 Array = npt.NDArray[np.float64]
 # Cosine of the angle between two tangents below which a step is halved.
@@ -200,7 +201,8 @@ class Continuation:
 
     def at(self, value: float) -> list[BranchPoint]:
         """The solutions of the branch found so far at one value of the parameter, each corrected there."""
-        corrector, points, out = Corrector(self.problem, self.width), self.branch.points, []
+        problem, points, out = self.problem, self.branch.points, []
+        corrector = Corrector(problem, self.width)
         for k, (a, b) in enumerate(pairwise(points)):
             inside = min(a.value, b.value) <= value <= max(a.value, b.value) and a.value != b.value
             # An end that two segments share counts once.
@@ -211,8 +213,10 @@ class Continuation:
             u, at = np.array(near.u), corrector
             if a.phase == b.phase:
                 u = np.array(a.u) + share * (np.array(b.u) - np.array(a.u))
-            if isinstance(self.problem, OrbitProblem) and near.phase:
-                at = Corrector(self.problem.at_phase(near.phase), self.width)
+            if isinstance(problem, OrbitProblem) and near.phase:
+                at = Corrector(problem.at_phase(near.phase), self.width)
+            if isinstance(problem, EquilibriumProblem) and near.modes[0] != mode_text(problem.mode):
+                at = Corrector(problem.in_mode(near.modes[0], np.array(near.u)), self.width)
             if np.all(np.isfinite(u)):
                 out.append(at.fixed(u, value))
         return out
@@ -311,7 +315,7 @@ class Continuation:
                 step *= 0.5
                 if step >= self.min_step:
                     continue
-                jumped = crossings.jump(current)
+                jumped = crossings.jump(current) or crossings.reached(current)
                 if jumped is None:
                     name, note = crossings.blocked(current)
                     if name:
@@ -340,7 +344,11 @@ class Continuation:
                 self._message = f"{shrunk.special} at {shrunk.value:.12g}"
                 yield shrunk
                 return
-            found, goes_on = crossings.between(current, following, step)
+            try:
+                found, goes_on = crossings.between(current, following, step)
+            except FAILURES as error:
+                self._message = f"no further point at {current.point.value:.9g}: {error}"
+                return
             if any(not low - near <= point.value <= high + near for point in found) and step > self.min_step:
                 # The branch leaves the bounds and comes back within the step: shorter ones end at the bound.
                 step = max(0.5 * step, self.min_step)

@@ -3,6 +3,7 @@ bisection, and the continuation of the branch across them."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +15,18 @@ from filippov.analysis.bifurcations.branch_point import locate
 from filippov.analysis.bifurcations.branch_problem import OrbitProblem
 from filippov.analysis.bifurcations.codim2 import PREFIX, title
 from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector
-from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
+from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem, is_kink
 from filippov.analysis.bifurcations.special_points import confirmed, name_of_change
+from filippov.analysis.orbits.shooting import NoConvergenceError
 
 Array = npt.NDArray[np.float64]
 _BISECTIONS = 44
 _AWAY = 1e-5
 _SAME = 1e-4
+# Of so many kinks at one point all sides are tried.
+_MOST_KINKS, _INSIDE = 6, 1e-12
+# Where a field ends at a kink a branch is followed to this distance from it, and then this part of the rest.
+_NEAR, _REST = 1e-6, 1.0 - 1e-6
 _CUSP = PREFIX + "cusp"
 
 
@@ -36,10 +42,7 @@ class Crossings:
             return self._word(a, b)
         found: list[tuple[float, BranchPoint, str, Along]] = []
         length = float(a.tangent @ (b.z - a.z))
-        changed = [
-            name for name, value in a.point.tests.items()
-            if name in b.point.tests and value * b.point.tests[name] < 0
-        ]  # fmt: skip
+        changed = [name for name in a.point.tests if name in b.point.tests and _changes(a, b, name)]
         bent = abs(a.point.tests["fold"] - b.point.tests["fold"]) if "fold" in changed else 0.0
         if "fold" in changed and bent < getattr(a.corrector.problem, "straight", 0.0) * abs(length):
             changed.remove("fold")
@@ -62,13 +65,21 @@ class Crossings:
         points: list[BranchPoint] = []
         for _, point, name, at in found:
             if name.startswith(BOUNDARY):
-                special, onwards = self._boundary(a, at, name)
-                return [*points, special], onwards
+                if _kink_of(a, name) < 0:
+                    special, onwards = self._boundary(a, at, name)
+                    return [*points, special], onwards
+                special, beyond = self._kink(a, at, name)
+                if beyond is not None:
+                    return [*points, special], beyond
+                points.append(special)
+                continue
             points.append(point)
         return points, b
 
     def _locate(self, a: Along, name: str, length: float) -> tuple[float, Along] | None:
         """Where a test function vanishes, by Brent's method along the tangent of a."""
+        if _begins_on(a, name):
+            return 0.0, a
         corrector = a.corrector
         last: dict[float, Along] = {}
         known: dict[float, Array] = {}
@@ -206,10 +217,101 @@ class Crossings:
         note = f"{'persistence' if same else 'non-smooth fold'}; {name}: {problem.mode} -> {new.mode}"
         return at.point.named("boundary equilibrium", problem.kind, note), onwards
 
+    def _kink(self, a: Along, at: Along, name: str) -> tuple[BranchPoint, Along | None]:
+        """The boundary equilibrium on a kink, and the first point of the branch on its other side; None where
+        the branch comes from beyond the kink and goes on on its own side."""
+        problem = at.corrector.problem
+        assert isinstance(problem, EquilibriumProblem)
+        i = _kink_of(a, name)
+        place = at.u, at.point.value, self.width
+        kinks = [i, *(k for k in range(len(problem.mode)) if k != i and problem.lies_on(k, *place))]
+        ways = self._ways(problem, kinks, at)
+        onwards = ways[0]
+        new = onwards.corrector.problem
+        virtual = a.point.tests[name] < 0 and not _begins_on(a, name)
+        same = (onwards.tangent[-1] * at.tangent[-1] > 0) != virtual
+        note = f"{'persistence' if same else 'non-smooth fold'}; {name}: {problem.mode} -> {new.mode}"
+        for other in ways[1:]:
+            note += f"; another branch leaves in mode {other.point.word}"
+        return at.point.named("boundary equilibrium", problem.kind, note), None if virtual else onwards
+
+    def reached(self, a: Along) -> tuple[BranchPoint, Along] | None:
+        """Across a kink at which the field of the mode ends, as that of Max(x, 0)**1.5 does: its points are
+        found only on one side. None where none is near."""
+        corrector = a.corrector
+        for name in a.point.tests:
+            i = _kink_of(a, name)
+            if i < 0:
+                continue
+            h, slope = corrector.problem.inwards(i, a.u, a.point.value)
+            rate = float(slope @ (a.tangent * corrector.sizes))
+            if not (rate < 0 < h < -rate * _NEAR):
+                continue
+            try:
+                z, _ = corrector.correct(a.z - _REST * h / rate * a.tangent, a.tangent)
+                point, onwards = self._kink(a, corrector.along(z, a.tangent), name)
+            except FAILURES:
+                return None
+            return None if onwards is None else (point, onwards)
+        return None
+
+    def _ways(self, problem: EquilibriumProblem, kinks: list[int], at: Along) -> list[Along]:
+        """The branches of other modes that begin at a point on kinks, one where it lies on one.
+
+        A branch of a mode is there where it goes to the inside of all kinks.
+        """
+        out = []
+        sizes: list[int] = list(range(len(kinks), 0, -1)) if len(kinks) <= _MOST_KINKS else [len(kinks)]
+        for chosen in itertools.chain(*(itertools.combinations(kinks, size) for size in sizes)):
+            new = problem.beyond(chosen, at.u)
+            corrector = Corrector(new, self.width)
+            z = corrector.scaled(new.start, at.point.value)
+            try:
+                tangent = corrector.tangent(z, None)
+                rates = [new.inwards(k, at.u, at.point.value)[1] @ (tangent * corrector.sizes) for k in kinks]
+                tangent = -tangent if rates[0] < 0 else tangent
+                if len(kinks) > 1 and not (min(rates) > 0 or max(rates) < 0):
+                    continue
+                found = corrector.along(z, tangent)
+            except FAILURES:
+                continue
+            point = found.point
+            for k in kinks:
+                point = _leaving(point, f"boundary {new.system.surface_names[k]}")
+            if all(number > -_INSIDE for key, number in point.tests.items() if key.startswith(BOUNDARY)):
+                point = replace(point, note="")
+            out.append(replace(found, tangent=tangent, point=replace(point, tangent=tuple(tangent.tolist()))))
+        if not out:
+            names = ", ".join(repr(problem.system.surface_names[k]) for k in kinks)
+            raise NoConvergenceError(f"beyond the kink {names} the equations have no derivatives.")
+        return out
+
 
 def _leaving(point: BranchPoint, test: str) -> BranchPoint:
     """The start of the other kind: the test that is 0 to rounding there counts as left."""
     return replace(point, tests={**point.tests, test: abs(point.tests[test])})
+
+
+def _kink_of(a: Along, name: str) -> int:
+    """The number of the kink whose side a test of an equilibrium's branch is; -1 for any other test."""
+    problem = a.corrector.problem
+    end, _, surface = name.partition(" ")
+    if not isinstance(problem, EquilibriumProblem) or end != "boundary":
+        return -1
+    i = problem.system.surface_index(surface)
+    return i if is_kink(problem.system, i) else -1
+
+
+def _begins_on(a: Along, name: str) -> bool:
+    """Whether a test is that of a kink on which the point lies: its sign there is rounding."""
+    i = _kink_of(a, name)
+    return i >= 0 and bool(a.corrector.problem.lies_on(i, a.u, a.point.value, a.corrector.width))
+
+
+def _changes(a: Along, b: Along, name: str) -> bool:
+    """Whether a test changes its sign between two points; from a kink a branch may go to its own side."""
+    before, after = a.point.tests[name], b.point.tests[name]
+    return after < 0 if _begins_on(a, name) else before * after < 0
 
 
 def _titled(point: BranchPoint, name: str, kind: str) -> BranchPoint:

@@ -72,6 +72,9 @@ def curve(
         raise UsageError("curves are for maps, orbits and equilibria, not for a plain function.")
     if isinstance(problem, OrbitProblem) and special.phase:
         problem = problem.at_phase(special.phase)
+    if isinstance(problem, EquilibriumProblem):
+        # The branch may have gone on in another mode.
+        problem = problem.in_mode(special.modes[0], np.array(special.u))
     system = problem.event_map.system if isinstance(problem, MapProblem) else _system(problem)
     if parameter not in system.parameters or parameter == problem.parameter:
         raise UsageError(unknown("second parameter", parameter, run.branch.parameters))

@@ -21,7 +21,7 @@ from filippov.analysis.algebra.growth import by_multipliers
 from filippov.analysis.bifurcations.branch import LOCATED, BranchPoint
 from filippov.analysis.bifurcations.branch_problem import OrbitProblem
 from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector
-from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
+from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem, is_kink
 
 Array = npt.NDArray[np.float64]
 SHRINKS = "cycle shrinks into an equilibrium"
@@ -134,6 +134,8 @@ def _pseudo_hopf(
     if len(changed) != 1:
         return None
     (i,), (mode, _) = changed, sorted(modes)
+    if is_kink(system, i):
+        return None
     rest = Corrector(_rest(problem, a, f"{mode[:i]}0{mode[i + 1 :]}"), bounds[1] - bounds[0])
     value = _root(lambda at: rest.fixed(rest.problem.start, at).tests["pseudo-Hopf"], a, b, bounds)
     if value is None:

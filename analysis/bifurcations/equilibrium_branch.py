@@ -4,11 +4,13 @@ An equilibrium of a mode is a zero of its field; with sliding surfaces (a pseudo
 are unknowns too and the surfaces are equations: f(x, s) = 0, h(x) = 0. A boundary equilibrium, where h = 0 or
 a multiplier reaches the end of its set, is one of both kinds; the branch goes on as the other (di Bernardo et
 al. 2008): on the other side of the parameter (persistence) or back on the same (non-smooth
-fold).
+fold). Nothing slides on a kink, where the field is continuous: there the branch goes on in the mode of its
+other side.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,12 +27,22 @@ from filippov.model.system import System
 from filippov.solving.state.events import Mode
 
 Array = npt.NDArray[np.float64]
+# What is this near to a kink, in units of the unknowns and the parameter, lies on it.
+_ON = 1e-11
+
+
+def is_kink(system: System, i: int) -> bool:
+    """Whether the field is continuous across surface i, and its derivative is not."""
+    surface = system.surfaces[i]
+    return surface.kind == "kink" and surface.width == 0
 
 
 class EquilibriumProblem:
     """Equilibria of one mode.
 
     mode   signs, 0 on sliding surfaces; start: a state near the equilibrium
+
+    Raises UsageError for a system that depends on time and for a mode that slides on a kink.
     """
 
     kind = "equilibrium"
@@ -41,6 +53,12 @@ class EquilibriumProblem:
     ) -> None:  # fmt: skip
         if depends_on_time(system):
             raise UsageError("the system depends on time and has no equilibria; follow its orbits.")
+        for i, sign in enumerate(mode):
+            if sign == 0 and is_kink(system, i):
+                raise UsageError(
+                    f"surface {system.surface_names[i]!r} is a kink: the field is continuous there, so that "
+                    "nothing slides on it. Give the equilibrium's side of it, + or -."
+                )
         self.system, self.mode, self.parameter = system, tuple(mode), parameter
         self.base = system.parameters.resolve(parameters)
         self.index = system.parameters.index(parameter)
@@ -146,7 +164,31 @@ class EquilibriumProblem:
         n = self.system.dimension
         values = dict(zip(self.system.parameters.names, self.base.tolist(), strict=True))
         mode = tuple({"+": 1, "0": 0, "-": -1}[sign] for sign in text)
-        return EquilibriumProblem(self.system, mode, self.parameter, u[:n], values, u[n:])
+        new = EquilibriumProblem(self.system, mode, self.parameter, u[:n], values, u[n:])
+        if new.sliding == self.sliding:
+            # The units of one branch: it may cross a kink at 0.
+            new.scale = self.scale
+        return new
+
+    def beyond(self, kinks: Sequence[int], u: Array) -> EquilibriumProblem:
+        """The problem on the other side of kinks, starting at a solution of this one that lies on them."""
+        mode = tuple(-m if i in kinks else m for i, m in enumerate(self.mode))
+        return self.in_mode(mode_text(mode), u)
+
+    def inwards(self, i: int, u: Array, value: float) -> tuple[float, Array]:
+        """The switching function of surface i, positive on the side of the mode, and its derivatives by the
+        unknowns and the parameter."""
+        at, n = self._at(u, value), self.system.dimension
+        by = self.field.part("hy", *at)[0, i]
+        slope = np.concatenate((by[:n], np.zeros(len(self.sliding)), by[n : n + 1]))
+        return self.mode[i] * float(self.field.part("h", *at)[0, i, 0]), self.mode[i] * slope
+
+    def lies_on(self, i: int, u: Array, value: float, width: float) -> bool:
+        """Whether a solution lies on a kink; width: the unit of the parameter."""
+        if self.mode[i] == 0 or not is_kink(self.system, i):
+            return False
+        h, slope = self.inwards(i, u, value)
+        return abs(h) <= _ON * float(np.linalg.norm(slope * np.append(self.scale, width)))
 
     def across(self, test: str, u: Array) -> tuple[EquilibriumProblem, str]:
         """The problem on the other side of a boundary, starting there, and the test that then has to grow."""

@@ -9,13 +9,14 @@ A continuation puts them into `coefficients` and `predicts` of the special point
 
 from __future__ import annotations
 
+import ast
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from filippov.analysis.bifurcations.border_normal_form import TOUCHED, border_form
-from filippov.analysis.bifurcations.boundary_normal_form import BoundaryEquilibrium
+from filippov.analysis.bifurcations.boundary_normal_form import boundary
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.branch_problem import FunctionProblem, MapProblem, OrbitProblem
 from filippov.analysis.bifurcations.corrector import FAILURES
@@ -23,6 +24,7 @@ from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS
 from filippov.analysis.bifurcations.smooth_normal_form import Form, doubling, fold, hopf, neimark_sacker
 from filippov.base.errors import UsageError
+from filippov.base.status import mode_text
 
 BORDER = (*TOUCHED, *ARRIVALS, ADDING)
 KINDS = (
@@ -47,8 +49,12 @@ def normal_form(problem: Any, point: BranchPoint, width: float, name: str) -> Fo
         if kind == "Hopf":
             return hopf(problem, u, value, width, name)
         if kind == "boundary equilibrium":
-            test = point.note.split("; ")[1].split(":")[0]
-            return BoundaryEquilibrium(problem, test, u, value).form(value, name)
+            _, crossed, *others = point.note.split("; ")
+            if others:
+                raise UsageError("more than two branches meet on the kinks there.")
+            test, _, modes = crossed.rpartition(": ")
+            other = mode_text(ast.literal_eval(modes.split(" -> ")[1]))
+            return boundary(problem, test, u, value, other).form(value, name)
     if kind == "fold" and (maps or isinstance(problem, EquilibriumProblem | FunctionProblem)):
         return fold(problem, u, value, name)
     if maps and kind in ("period doubling", "symmetry breaking"):
