@@ -38,7 +38,8 @@ def style() -> AbstractContextManager[None]:
     from matplotlib import pyplot as plt
 
     # The backend is loaded first: what it sets of matplotlib would be undone at the end of the context.
-    plt.draw_if_interactive()
+    load: Any = plt.draw_if_interactive
+    load()
     return mpl.rc_context(_RC)  # type: ignore[no-any-return]
 
 
