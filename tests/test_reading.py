@@ -272,8 +272,9 @@ CELLS = {
 
 
 @pytest.mark.parametrize("inline", ["%matplotlib inline", ""], ids=["asked for", "by default"])
-def test_16_2_one_figure_a_cell(inline: str, tmp_path: Path) -> None:
+def test_16_2_one_figure_a_cell(inline: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In a kernel as notebooks and the pages have it, with its own way of showing figures."""
+    monkeypatch.delenv("MPLBACKEND", raising=False)  # what other tests have chosen
     import nbformat
     from nbclient import NotebookClient
 

@@ -222,6 +222,8 @@ def diagnose(
         findings += [early(run), *(singular(run, translation) if translation else ())]
     if reading is not None:
         findings += _in_source(reading, translation, found)
+    # What was compared has called f again.
+    _put_back([*memories, *(reading.unread if reading else ())])
     source = reading.source if reading else source_of(f)
     name, file = source.name, source.file
     if run.written is not None:
