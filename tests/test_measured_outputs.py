@@ -116,6 +116,18 @@ def test_16_2_a_sweep_over_an_output_knows_its_formula(tmp_path: Path) -> None:
         sweep(2.0).run(tmp_path / "kept", jobs=1, resume=True)
 
 
+def test_16_2_a_sweep_says_what_it_cannot_see_of_an_output(tmp_path: Path) -> None:
+    """A function that reads a file: resuming asks for trust, as it does for a measure of the user's."""
+    file = tmp_path / "gain.txt"
+    file.write_text("2", encoding="utf-8")
+    system = System(
+        field=lambda t, x, p, s: [-x[0]], states="x",
+        outputs={"scaled": lambda t, x, p, s: float(file.read_text(encoding="utf-8")) * x[0]},
+    )  # fmt: skip
+    sweep = Sweep(Problem(system, (1.0,), (0, 1)), {"x0.x": [1.0, 2.0]}, measure="end(scaled)")
+    assert sweep.unseen
+
+
 def test_15_4_approximations_have_the_outputs_without_signs() -> None:
     """The energy of a pendulum, K times its way below that of the start; a bristle model has no friction."""
     (q, w), p = states("q w"), parameters(M=0.5)

@@ -9,13 +9,11 @@ from pathlib import Path
 
 import pytest
 from stubs import STUBS, stub
+from test_docs import CELL, ROOT, TEXTS
 
 from filippov.app.cli.catalogue import commands
 from filippov.app.cli.main import build_parser
 
-ROOT = Path(__file__).resolve().parent.parent
-TEXTS = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
-CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 LINES = re.compile(r"^    (filippov (?:.*\\\n)*.*)$", re.MULTILINE)
 INLINE = re.compile(r"`(filippov [^`]+)`")
 # What a command line ends at, for the shell or for the reader.

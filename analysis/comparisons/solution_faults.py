@@ -46,9 +46,10 @@ def faults(runs: Sequence[Seen], exact: Seen, states: Sequence[str], extent: Arr
 def _of_run(run: Seen, exact: Seen, states: Sequence[str], extent: Array) -> list[tuple[str, str]]:
     """(kind, sentence) of one run."""
     out = []
+    sticks = None not in run.row["entries"]  # bristles have none
     for mine, theirs in zip(exact.reads, run.reads, strict=True):
         want, have = (len(_entries(read)) for read in (mine, theirs))
-        if None in run.row["entries"] or have == want or _alike(mine, theirs, run, exact):
+        if not sticks or have == want or _alike(mine, theirs, run, exact):
             continue
         what = "loses" if have < want else "invents"
         counts = f"{have} entries into it, where the exact solution has {want}"

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.comparisons.approximation import Approximation
-from filippov.analysis.comparisons.solution_ending import ending
+from filippov.analysis.comparisons.solution_ending import Ending, ending
 from filippov.analysis.comparisons.solution_events import EventReader, Read
 from filippov.analysis.comparisons.solution_faults import Seen
 from filippov.analysis.comparisons.solution_gaps import largest_gap
@@ -62,7 +62,6 @@ class ExactSolution:
         }  # fmt: skip
         self.repeats = repeats
         self.measures = read_measures(measures, system) if measures else ()
-        self.blank: dict[str, None] = {}
         tight = {"rtol": max(TIGHT, 1e-2 * rtol), "atol": 1e-2 * atol}
         self.coarse = self._solved({})
         self.fine = self._solved(tight)
@@ -74,6 +73,7 @@ class ExactSolution:
         self.reads = self.reader.exact(self.fine)
         self.ending = ending(self.fine, system.dimension, self.extent)
         self.row = self._row()
+        # The measures of an approximation that has none.
         self.blank = dict.fromkeys(name for name in self.row if name not in OWN)
         self.seen = Seen(self.row, self.ending, self.reads, self.fine.t_end)
 
@@ -90,7 +90,7 @@ class ExactSolution:
         return solution
 
     def _row(self) -> dict[str, Any]:
-        row = self.measured(self.coarse, self.reads_of(self.coarse))
+        row = self.measured(self.coarse, self.reads_of(self.coarse), self.ending_of(self.coarse))
         given = {"parameters": self.given, "zeno": "continue", **self.options}
         seconds = self.clock(self.system, self.x0, given)
         return blank_row("exact", None) | row | {
@@ -102,8 +102,12 @@ class ExactSolution:
         """What is read of an exact solution."""
         return self.reader.exact(solution)
 
-    def measured(self, solution: Solution, reads: Sequence[Read]) -> dict[str, Any]:
-        """What a solution gives, compared with the exact one."""
+    def ending_of(self, solution: Solution) -> Ending:
+        """How a solution ends, by the state whose cycle the exact one has."""
+        return ending(solution, self.system.dimension, self.extent, self.ending.follows)
+
+    def measured(self, solution: Solution, reads: Sequence[Read], last: Ending) -> dict[str, Any]:
+        """What a solution gives, compared with the exact one; last: how it ends."""
         n = self.system.dimension
         gap = largest_gap(self.fine, solution, self.times, self.extent)
         end = np.abs(solution.x_end[:n] - self.fine.x_end) / self.extent
@@ -113,7 +117,6 @@ class ExactSolution:
         late = [] if gap.times is None else [gap.times]
         same = bool(self.reads or late) and [event[1:] for event in own] == [event[1:] for event in exact]
         late += [abs(a[0] - b[0]) for a, b in zip(own, exact, strict=True)] if same else []
-        last = ending(solution, n, self.extent, self.ending.follows)
         found = {
             "note": gap.note, "error_state": gap.states, "error_final": float(np.max(end)),
             "error_times": (max(late, default=0.0) if same else None),
@@ -166,7 +169,7 @@ class ModelSolutions:
         self.exact, self.model, self.theta = exact, model, theta
         self.method = model.method or self._method(narrowest)
         self.solutions: dict[float, Solution] = {}
-        self.reads: dict[float, tuple[Read, ...]] = {}
+        self.seen: dict[float, Seen] = {}
 
     def _method(self, narrowest: float) -> str:
         """The explicit method where it is not held up by stability at the narrowest width, else Radau."""
@@ -223,20 +226,14 @@ class ModelSolutions:
                 **exact.blank, "note": f"not computed: {why} at t = {solution.t_end:.4g}",
             }  # fmt: skip
         self.solutions[width] = solution
-        reads = self.reads[width] = exact.reader.model(solution, self.model, width)
-        row = exact.measured(solution, reads)
+        reads, last = exact.reader.model(solution, self.model, width), exact.ending_of(solution)
+        row = exact.measured(solution, reads, last)
         if not self.model.sticks:
             row |= {"error_times": None, "drift": None, "stick": None, "entries": [None] * len(reads)}
         row["calls_ratio"] = solution.nfev / max(exact.coarse.nfev, 1)
         row["seconds"] = exact.clock(system, start, options)
+        self.seen[width] = Seen(blank | row, last, reads, solution.t_end)
         return blank | row
-
-
-    def seen(self, row: Mapping[str, Any]) -> Seen:
-        """One of its rows with what it was made from."""
-        exact, solution = self.exact, self.solutions[row["width"]]
-        last = ending(solution, exact.system.dimension, exact.extent, exact.ending.follows)
-        return Seen(row, last, self.reads[row["width"]], solution.t_end)
 
 
 def chosen_widths(

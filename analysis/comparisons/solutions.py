@@ -103,7 +103,8 @@ def compare_solutions(
             if "allowed" in row["note"] and not spent:
                 spent = f"not computed: it was not possible at width {width:g}"
         done = [row for row in own if row["entries"] is not None]
-        wrong += faults([approximate.seen(row) for row in done], exact.seen, system.states, exact.extent)
+        runs = [approximate.seen[row["width"]] for row in done]
+        wrong += faults(runs, exact.seen, system.states, exact.extent)
         if done:
             shown[model.name] = approximate.solutions[done[0]["width"]]
         else:

@@ -197,9 +197,9 @@ def diagnose(
         if reading is None:
             raise
         findings.append(Finding("not translated", str(error).rstrip(".")))
-    memories = reading.memories if reading else ()
+    memories, unread = (reading.memories, reading.unread) if reading else ((), ())
     run = run_naively(f, start, span, args, method=method, rtol=rtol, atol=atol, max_calls=max_calls)
-    _put_back([*memories, *(reading.unread if reading else ())])
+    _put_back([*memories, *unread])
     compared = 0
     if translation is not None and not memories:
         sentence, compared = disagreement(lambda t, y: f(t, y, *args), translation, run.t, run.y)
@@ -223,7 +223,7 @@ def diagnose(
     if reading is not None:
         findings += _in_source(reading, translation, found)
     # What was compared has called f again.
-    _put_back([*memories, *(reading.unread if reading else ())])
+    _put_back([*memories, *unread])
     source = reading.source if reading else source_of(f)
     name, file = source.name, source.file
     if run.written is not None:

@@ -309,9 +309,9 @@ class Switching:
         slopes = [value.diff(n) for n in counts if value.has(n)]
         numbers = [self.fixed(slope) for slope in slopes]
         rest = self.fixed(value.xreplace(dict.fromkeys(counts, sympy.S.Zero)))
-        if not slopes or rest is None or None in numbers:
-            return None
         sizes = [abs(number) for number in numbers if number]
+        if not sizes or rest is None or None in numbers:
+            return None
         if len(sizes) > 1 and not all(size == round(size) for size in sizes):
             return None
         step = sizes[0] if len(sizes) == 1 else float(math.gcd(*(round(size) for size in sizes)))

@@ -94,7 +94,7 @@ def _where(condition: Any, x: Any, y: Any) -> Any:
 def _clip(a: Any, a_min: Any = None, a_max: Any = None, **limits: Any) -> Any:
     # The names are those of numpy, old and new.
     if left := limits.keys() - {"min", "max"}:
-        raise TypeError(f" takes no {', '.join(sorted(left))}")
+        raise TypeError(f"takes no {', '.join(sorted(left))}")
     low, high = limits.get("min", a_min), limits.get("max", a_max)
     upper = a if high is None else sympy.Min(a, high)
     return upper if low is None else sympy.Max(upper, low)

@@ -49,6 +49,7 @@ EVENTS = ("dwell", "sliding", "period")
 TAIL = ("min", "max", "mean", "amplitude")
 NAMES = (*ENDS, *EVENTS, *TAIL)
 FINER = 8
+_NOTHING = Dependence("")
 _TEXT = re.compile(r"\s*([A-Za-z_]+)\s*(?:\((.*)\))?\s*")
 
 
@@ -110,9 +111,9 @@ class Measure:
 
 @dataclass(frozen=True)
 class OfOutput(Measure):
-    """A measure of an output; formula: that of the output, on which the results of a sweep depend."""
+    """A measure of an output; depends: on its formula, or what its function depends on."""
 
-    formula: str = ""
+    depends: Dependence = _NOTHING
 
     @property
     def needs(self) -> int:
@@ -217,7 +218,7 @@ def _checked(measure: Measure, system: System) -> Measure:
         if name in ("events", "period", "sliding", "mode"):
             system.surface_index(arguments[0])
         elif name != "dwell" and arguments[0] in system.outputs:
-            return OfOutput(name, arguments, _formula(system.outputs[arguments[0]]))
+            return OfOutput(name, arguments, _depends(system.outputs[arguments[0]]))
         elif name != "dwell":
             system.state_index(arguments[0])
     except ModelError as error:
@@ -252,9 +253,9 @@ def _events(solution: Solution, arguments: Sequence[str]) -> Events:
     return solution.events.of(surface, word, direction)
 
 
-def _formula(output: Any) -> str:
-    """What tells one output from another: its formula, or what a function depends on."""
-    return dependence(output).digest if callable(output) and not is_expression(output) else str(output)
+def _depends(output: Any) -> Dependence:
+    """What tells one output from another."""
+    return Dependence(str(output)) if is_expression(output) else dependence(output)
 
 
 def _begin(solution: Solution, tail: float) -> float:

@@ -34,7 +34,7 @@ from filippov.solving.state.option_types import (
 from filippov.solving.state.options import Options, check_priority, check_stops, given_options
 from filippov.solving.state.problem import Problem
 from filippov.sweep.dependence import Dependence, dependence, plain_system
-from filippov.sweep.measure import Function, Measure, read_measures
+from filippov.sweep.measure import Function, Measure, OfOutput, read_measures
 from filippov.sweep.point import START, Plan, compute_many, compute_one
 from filippov.sweep.points import Points, Whole, extremes, shape_of
 from filippov.sweep.reduction import check_reduce, reduce_table
@@ -182,7 +182,7 @@ class Sweep:
 
     @cached_property
     def _measures(self) -> list[Dependence]:
-        return [m.depends if isinstance(m, Function) else Dependence("") for m in self.measures]
+        return [m.depends if isinstance(m, Function | OfOutput) else Dependence("") for m in self.measures]
 
     @keywords()
     def problem_at(self, point: int) -> Problem:
