@@ -1,4 +1,7 @@
-"""The expressions of a system with every decimal as the fraction that it stands for: 0.2 is 1/5."""
+"""The expressions of a system with every decimal as the fraction that it stands for: 0.2 is 1/5.
+
+In an exponent 0.3333333333333333 stands for 1/3, and what is no such fraction stays a float.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,14 @@ from functools import lru_cache
 import sympy
 from sympy import Expr, Symbol
 
+from filippov.analysis.algebra.polynomial import plain_exponents
 from filippov.model.symbolic import Select, SymbolicForm
 from filippov.model.system import System
 
 
 @lru_cache(maxsize=64)
 def exact_form(system: System) -> SymbolicForm | None:
-    """The form of a system without floats; None for plain functions, itself where it has no floats."""
+    """The form of a system without floats but in exponents; None for plain functions, itself without any."""
     form = system.symbolic
     if form is None or not any(e.has(sympy.Float) for e in form.expressions()):
         return form
@@ -66,5 +70,4 @@ def _choice(e: Expr, signs: Mapping[Symbol, int]) -> int:
 
 def fraction(expression: Expr) -> Expr:
     """An expression with each finite float as the shortest decimal that rounds to it."""
-    floats = {q: sympy.Rational(repr(float(q))) for q in expression.atoms(sympy.Float) if q.is_finite}
-    return expression.xreplace(floats) if floats else expression
+    return plain_exponents(expression, lambda q: sympy.Rational(repr(float(q))) if q.is_finite else q)

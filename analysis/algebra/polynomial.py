@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
@@ -20,6 +20,8 @@ from filippov.base.given import several
 SYMBOL = sympy.Symbol("s")
 # Of the field of the coefficients over the rational numbers: the work grows with its square and more.
 LARGEST_FIELD = 8
+# An exponent is a fraction of a small denominator where it is one to the rounding of a double.
+LARGEST_DENOMINATOR, SAME_EXPONENT = 1000, 1e-15
 
 
 class Verdict(Enum):
@@ -54,12 +56,11 @@ class RootCounts:
 def exact(value: Any) -> sympy.Expr:
     """Return a number or an expression with every float replaced by a rational number.
 
-    A float stands for the shortest decimal that rounds to it, so 0.1 is 1/10. Text is refused, and so are
-    nan, inf and complex numbers.
+    A float stands for the shortest decimal that rounds to it, so 0.1 is 1/10; for exponents see
+    `plain_exponents`. Text is refused, and so are nan, inf and complex numbers.
     """
     if isinstance(value, sympy.Expr):
-        floats = {number: exact(float(number)) for number in value.atoms(sympy.Float)}
-        value = value.xreplace(floats) if floats else value
+        value = plain_exponents(value, lambda number: exact(float(number)))
         if value.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I):
             raise UsageError(f"coefficient {value}: expected a finite real expression")
         return value
@@ -75,6 +76,63 @@ def exact(value: Any) -> sympy.Expr:
         fraction = Fraction(repr(float(value)))
         return sympy.Rational(fraction.numerator, fraction.denominator)
     raise UsageError(f"coefficient {value!r}: expected a real number or an expression")
+
+
+def plain_exponents(
+    expression: sympy.Expr, number: Callable[[sympy.Float], sympy.Expr] | None = None
+) -> sympy.Expr:
+    """The expression with 1/3 for 0.3333333333333333 in exponents, and a float for what is no such fraction.
+
+    number   what to put for floats elsewhere
+
+    With the denominator 10^16 polynomials in the root of x are of that degree, and powers of numbers, which
+    sympy takes apart into primes, have as many digits.
+    """
+    powers = expression.atoms(sympy.Pow)
+    if not any(_long(q) for p in powers for q in p.exp.atoms(sympy.Number)):
+        floats = {q: number(q) for q in expression.atoms(sympy.Float)} if number is not None else {}
+        return expression.xreplace(floats) if floats else expression
+
+    def plain(e: sympy.Basic) -> sympy.Basic:
+        if isinstance(e, sympy.Float):
+            return e if number is None else number(e)
+        if not e.args:
+            return e
+        if not isinstance(e, sympy.Pow):
+            return e.func(*map(plain, e.args))
+        power = sympy.Pow(
+            plain(e.base), e.exp.xreplace({q: near_fraction(q) for q in e.exp.atoms(sympy.Number)})
+        )
+        return number(power) if number is not None and isinstance(power, sympy.Float) else power
+
+    return plain(expression)
+
+
+def _long(q: sympy.Number) -> bool:
+    return isinstance(q, sympy.Float) or (q.is_Rational and q.q > LARGEST_DENOMINATOR)
+
+
+def near_fraction(q: sympy.Number) -> sympy.Number:
+    """The fraction of a small denominator that a number is, to rounding; else the number as a float."""
+    if not _long(q) or not q.is_finite:
+        return q
+    whole = Fraction(repr(float(q)))
+    near = whole.limit_denominator(LARGEST_DENOMINATOR)
+    apart = abs(float(whole - near))
+    same = apart <= SAME_EXPONENT * max(1.0, abs(float(near)))
+    return sympy.Rational(near.numerator, near.denominator) if same else sympy.Float(float(q))
+
+
+def in_exponents(
+    expressions: Iterable[sympy.Expr], values: Mapping[sympy.Symbol, sympy.Expr]
+) -> dict[sympy.Symbol, sympy.Expr]:
+    """The values of parameters, those that stand in exponents as `plain_exponents` has them."""
+    inside: set[sympy.Basic] = set()
+    for e in expressions:
+        inside = inside.union(*(p.exp.free_symbols for p in sympy.S(e).atoms(sympy.Pow)))
+    return {
+        q: near_fraction(v) if q in inside and isinstance(v, sympy.Number) else v for q, v in values.items()
+    }
 
 
 def coefficients(polynomial: Any, s: sympy.Symbol | None = None) -> tuple[sympy.Expr, ...]:

@@ -18,7 +18,7 @@ from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
 from filippov.analysis.bifurcations.switch import SWITCHES, switch
 from filippov.analysis.diagrams.diagram import Diagram, DiagramBranch, Special
-from filippov.analysis.diagrams.orbit_points import largest, read
+from filippov.analysis.diagrams.orbit_points import largest, read, section_period
 from filippov.analysis.maps.find_section import find_section
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.returns import returns
@@ -155,10 +155,11 @@ def _read(
     """The orbit as the fixed points of the map, one for each event of the section in its period."""
     x0 = np.array(point.u)[: system.dimension]
     values = {**run.branch.parameters, run.branch.parameter: point.value}
-    found = read(system, section, x0, point.phase * point.period, point.period, values)
-    slope = largest(point.multipliers)
+    length, turns = section_period(system, section, point.period, values)
+    found = read(system, section, x0, point.phase * point.period, length, values)
+    slope = largest(point.multipliers, turns)
     return [
-        FixedPoint(d, "limit cycle", slope, point.verdict, point.residual, point.period, point.note)
+        FixedPoint(d, "limit cycle", slope, point.verdict, point.residual, length, point.note)
         for d in found.tolist()
     ]
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.returns import returns
 from filippov.analysis.maps.section import Section
-from filippov.analysis.maps.stroboscope import Stroboscope
+from filippov.analysis.maps.stroboscope import Stroboscope, strobes_and_turns
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.model.system import System
 
@@ -21,17 +21,31 @@ _SAME = 1e-9
 
 def orbit_points(section: Section | Stroboscope, orbit: Orbit) -> list[FixedPoint]:
     """An orbit as the fixed points of the map, one for each event of the section in its period, in order."""
-    found = read(orbit.system, section, orbit.x0, orbit.t0, orbit.period, orbit.parameters)
-    slope = largest(orbit.multipliers.tolist())
+    length, turns = section_period(orbit.system, section, orbit.period, orbit.parameters)
+    found = read(orbit.system, section, orbit.x0, orbit.t0, length, orbit.parameters)
+    slope = largest(orbit.multipliers.tolist(), turns)
     return [
-        FixedPoint(d, "limit cycle", slope, orbit.verdict, orbit.residual, orbit.period)
-        for d in found.tolist()
+        FixedPoint(d, "limit cycle", slope, orbit.verdict, orbit.residual, length) for d in found.tolist()
     ]
 
 
-def largest(multipliers: Sequence[complex]) -> float:
-    """The multiplier of largest modulus, or its modulus where it is one of a complex pair."""
-    first = max(multipliers, key=abs, default=0.0 + 0.0j)
+def section_period(
+    system: System, section: Section | Stroboscope, period: float, parameters: Mapping[str, float]
+) -> tuple[float, int]:
+    """The time after which an orbit is back at the section, and its turns until then.
+
+    They are its period and 1, except at strobes that are longer than it, or no part of it.
+    """
+    if isinstance(section, Section):
+        return period, 1
+    strobe = section.period_on(system)(system.parameters.resolve(parameters))
+    strobes, turns = strobes_and_turns(period, strobe)
+    return strobes * strobe, turns
+
+
+def largest(multipliers: Sequence[complex], turns: int = 1) -> float:
+    """The multiplier of largest modulus after so many turns, or its modulus where one of a complex pair."""
+    first = max(multipliers, key=abs, default=0.0 + 0.0j) ** turns
     return float(first.real if abs(first.imag) <= 1e-9 * (1 + abs(first)) else abs(first))
 
 

@@ -11,6 +11,7 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.invariant_sets.attractor import Attractor, AttractorKind, curve_of
 from filippov.analysis.invariant_sets.recurrence import Grid
 from filippov.analysis.invariant_sets.state_map import StateMap
+from filippov.analysis.maps.stroboscope import strobes_and_turns
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.lyapunov import lyapunov
@@ -146,7 +147,7 @@ class Identifier:
             high=orbit.high, orbit=orbit,
         )  # fmt: skip
         if flow.kind == "strobe":
-            periods = round(orbit.period / flow.duration)
+            periods, _ = strobes_and_turns(orbit.period, flow.duration)
             x = self._at_strobe(orbit)
             if x is None:
                 return None
@@ -173,11 +174,13 @@ class Identifier:
         """The state of the orbit at a strobe: it may have been solved for at another phase."""
         flow = self.flow
         shift = (orbit.t0 - flow.t0) / flow.duration
-        late = float(np.ceil(shift - 1e-9) - shift) * flow.duration
-        if late <= 1e-9 * flow.duration:
+        strobes = float(np.ceil(shift - 1e-9))
+        if strobes - shift <= 1e-9:
             return orbit.x0
+        # The time of the strobe itself, not what rounding makes of it: a clock may tick there.
+        end = flow.t0 + strobes * flow.duration
         run = solve(
-            orbit.system, orbit.x0, (orbit.t0, orbit.t0 + late), parameters=orbit.parameters, rtol=orbit.rtol,
+            orbit.system, orbit.x0, (orbit.t0, end), parameters=orbit.parameters, rtol=orbit.rtol,
             atol=orbit.atol, zeno="continue", nonunique="stick", dense_output=False,
         )  # fmt: skip
         return run.x_end if run.success else None

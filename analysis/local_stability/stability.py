@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import sympy
@@ -11,7 +14,7 @@ from sympy import Expr, Symbol
 from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
 from filippov.analysis.algebra.exact_form import exact_form, with_signs
 from filippov.analysis.algebra.number_text import has_decimals
-from filippov.analysis.algebra.polynomial import exact
+from filippov.analysis.algebra.polynomial import exact, in_exponents
 from filippov.analysis.local_stability import stability_text
 from filippov.analysis.local_stability.certificates.certificate import Certificate
 from filippov.analysis.local_stability.certificates.decide import decided, first
@@ -26,9 +29,10 @@ from filippov.analysis.local_stability.stability_result import (
     EquilibriumStability,
     SetStability,
     StabilityResult,
+    Statement,
 )
-from filippov.analysis.local_stability.stick_parts import joined
-from filippov.analysis.steady.equilibria import equilibria, mode_signs
+from filippov.analysis.local_stability.stick_parts import Beside, Judged, beside_others, joined
+from filippov.analysis.steady.equilibria import MOST_MODES, equilibria, mode_options, mode_signs
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Missing
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.analysis.steady.time_signs import (
@@ -42,6 +46,9 @@ from filippov.base.given import Positive
 from filippov.base.keywords import keywords
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
+
+# Modes beside one equilibrium that are searched although they were not asked for.
+ON, MOST_BESIDE = 1e-9, 81
 
 
 class StabilityReport(StabilityResult):
@@ -106,7 +113,8 @@ def stability_report(
     form = _expressions(system)
     clock = Clock(budget)
     p = system.parameters.resolve(parameters)
-    values = {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
+    numbers = {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
+    values = in_exponents(form.expressions(), numbers)
     symbol = None if solve_for is None else form.p[system.parameters.index(solve_for)]
     told = tuple(_signs({q: v for q, v in values.items() if q != symbol}) if assume is None else assume)
     system, form = _branches(system, told)
@@ -122,11 +130,54 @@ def stability_report(
             text = f"stopped after {len(items)} of {len(found)} equilibria: {error}. Give a larger budget."
             notes.append(Missing(text))
             break
+    asked = [Judged(item.equilibrium, item.answer, item.drift) for item in items]
+    near = _unsearched(system, form, values, modes, asked)
+    if near:
+        # What rests beside these may lie in modes that were not asked for.
+        left = max(min(budget / 2, clock.budget / 4), 1e-3)
+        found_near = equilibria(system, parameters, modes=near, t=t, budget=left)
+        others: list[EquilibriumPoint | EquilibriumSet] = [*found, *found_near]
+    else:
+        others = [*found]
+    beside = beside_others(others, asked, values)
+    items = [item if b is None else _with_others(item, b) for item, b in zip(items, beside, strict=True)]
     names = tuple(zip(system.parameters.names, p.tolist(), strict=True))
     surfaces = tuple(s.name for s in system.surfaces)
     written = system.symbolic
     decimals = written is not None and has_decimals(written.expressions())
     return StabilityReport(system.states, surfaces, names, told, tuple(items), tuple(notes), decimals)
+
+
+def _with_others(item: EquilibriumStability, beside: Beside) -> EquilibriumStability:
+    said = (Statement(beside.text), *item.statements)
+    return replace(item, answer=beside.answer, together=beside.together, statements=said)
+
+
+def _unsearched(
+    system: System,
+    form: SymbolicForm,
+    values: Mapping[Symbol, Expr],
+    modes: Sequence[str] | None,
+    judged: Sequence[Judged],
+) -> list[str]:
+    """Modes that were not searched, beside what is called asymptotically stable."""
+    options = mode_options(system)
+    if modes is None and math.prod(map(len, options)) <= MOST_MODES:
+        return []
+    out: set[str] = set()
+    for one in judged:
+        e = one.equilibrium
+        if one.answer != "asymptotically stable":
+            continue
+        places = [e.x] if isinstance(e, EquilibriumPoint) else [end.x for end in e.ends]
+        signs = []
+        for mark, h, option in zip(e.mode, form.plain_h(), options, strict=True):
+            at = [h.subs(dict(zip(form.x, x, strict=True))).subs(values) for x in places]
+            on = mark == "0" or any(q.is_number and abs(complex(q)) <= ON for q in at)
+            signs.append(option if on else mark)
+        if math.prod(map(len, signs)) <= MOST_BESIDE:
+            out |= {"".join(mode) for mode in itertools.product(*signs)}
+    return sorted(out - set(modes or ()))
 
 
 def _expressions(system: System) -> SymbolicForm:
@@ -187,12 +238,14 @@ def certify(
     asked, system = system, without_time_surfaces(system)
     form = _expressions(system)
     p = system.parameters.resolve(parameters)
-    values = {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
+    numbers = {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
+    values = in_exponents(form.expressions(), numbers)
     told = tuple(_signs(values))
     system, form = _branches(system, told)
     found = equilibria(system, parameters, budget=max(budget / 2, 1e-3))
     outer = joined(found)
-    out = []
+    certificates: list[Certificate | None] = []
+    judged: list[Judged] = []
     for equilibrium in found:
         context = Context(system, form, values, told, None, None, Clock(budget))
         context = context.put_degenerate(equilibrium.degenerate, None)
@@ -202,9 +255,16 @@ def certify(
             if smooth
             else _item(context, equilibrium, outer.get(id(equilibrium)))
         )
-        named = equilibrium if asked is system else with_time_surfaces(asked, equilibrium, values)
-        out.append((named, first(context, item, wide=True)))
-    return tuple(out)
+        certificates.append(first(context, item, wide=True))
+        judged.append(Judged(equilibrium, getattr(certificates[-1], "answer", "undecided"), item.drift))
+    beside = beside_others(found, judged, values)
+    return tuple(
+        (
+            equilibrium if asked is system else with_time_surfaces(asked, equilibrium, values),
+            certificate if certificate is None or b is None else certificate.beside(b),
+        )
+        for equilibrium, certificate, b in zip(found, certificates, beside, strict=True)
+    )
 
 
 def _whole(context: Context, item: EquilibriumStability, t: float | None) -> EquilibriumStability:

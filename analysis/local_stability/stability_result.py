@@ -89,6 +89,7 @@ class EquilibriumStability:
     routh        its Routh-Hurwitz analysis; the zero roots along a set are taken out
     drift        sliding moves along the set (a zero root with a Jordan chain)
     interior     stability of the inner points of a set within their mode
+    together     modes of the sets that it touches: the verdict is that of their union, not of it alone
     """
 
     equilibrium: EquilibriumPoint | EquilibriumSet
@@ -101,6 +102,7 @@ class EquilibriumStability:
     answer: Answer
     statements: tuple[Statement, ...]
     solved: Solved | None = None
+    together: tuple[str, ...] = ()
 
 
 # Of characteristic polynomials: s is a multiplier. No state or parameter can have the name.

@@ -107,8 +107,13 @@ def _summary(result: StabilityResult, style: Style) -> str:
         left = " Not complete: see the notes at the end."
     if not result.items:
         return f"Verdict: no equilibrium was found.{left}"
-    said = [f"{_title(item, result, style)}: {item.answer}" for item in result.items]
+    said = [f"{_title(item, result, style)}: {_verdict(item)}" for item in result.items]
     return "Verdict: " + "; ".join(said) + f".{left}"
+
+
+def _verdict(item: EquilibriumStability) -> str:
+    """The verdict, and of what where it is none of the item alone."""
+    return item.answer + (f" together with mode {', '.join(item.together)}" if item.together else "")
 
 
 def _title(item: EquilibriumStability, result: StabilityResult, style: Style) -> str:
@@ -141,7 +146,7 @@ def _item(item: EquilibriumStability, result: StabilityResult, style: Style) -> 
     title = _title(item, result, style)
     title = title[0].upper() + title[1:]
     lines = [style.item(line) for line in _place(e, style)]
-    verdict = f"Verdict at the parameter values: {item.answer}."
+    verdict = f"Verdict at the parameter values: {_verdict(item)}."
     if e.behind:
         text = f"solutions reach it from starts beyond {', '.join(e.behind)} only, which no solution passes"
         lines.append(style.item(style.escape(text)))
@@ -302,6 +307,7 @@ def _item_dict(item: EquilibriumStability) -> dict[str, Any]:
         "cases": [_case_dict(case) for case in item.cases],
         "solved": None if item.solved is None else _solved_dict(item.solved),
         "stability": item.answer,
+        "together": list(item.together),
         "statements": [_statement_dict(s) for s in item.statements],
     }
     return out

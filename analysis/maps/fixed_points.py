@@ -3,11 +3,12 @@
 Roots of R(d) - d are bracketed on a grid that is dense near 0 as well, and beside an equilibrium set at 0 on
 one that is even in log d down to rounding. Several between two points of the grid are separated by the
 slopes of R(d) - d there, and each is solved for at a tight tolerance (`filippov.analysis.maps.gap_roots`).
+Where the solution of a coordinate rests for ever, R(d) = d is no cycle: such coordinates are sets of rests.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ from filippov.analysis.maps.gap_roots import NOISE, Gap, Samples, Whole, bracket
 from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.base.errors import UsageError
+from filippov.base.status import Status
 
 if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ScalarMap
@@ -32,6 +34,10 @@ _SAME = 1e-6
 NEARER = 60
 # What rounding may leave of R(d) - d, in units of the smallest coordinate that it leaves.
 _NOISE = 1e-2
+# A map is looked at so far beside an interval of rests, in parts of the larger end or of the interval.
+_BESIDE = 1e-8
+# Parts of the width of such a set at which it is seen whether solutions beside it come nearer.
+_REACH = 1e-4
 
 
 @dataclass(frozen=True)
@@ -39,10 +45,12 @@ class FixedPoint:
     """A fixed point of a map.
 
     d         coordinate; residual: |R(d) - d| there
+    rests     the ends of the interval of coordinates that a set fills; d is 0 where that lies in it, else the
+              end next to 0. None where it is one coordinate, as a cycle is
     kind      "equilibrium set" where the solution rests, else "limit cycle"
     slope     dR/dd (from saltation matrices), NaN where the map has none; at an equilibrium set the limit of
-              R(d)/d for d -> 0+, which is
-              infinite where the map jumps at the set
+              R(d)/d for d -> 0+, which is infinite where the map jumps at the set; beside an interval of
+              rests the part of the distance from it that is left after a return, NaN where none comes back
     verdict   "stable" for |slope| < 1, "unstable" for > 1, "undecided" where it is 1 within its error or
               not known; stable: the verdict is "stable"
     period    time of the returns together, 0 for an equilibrium set
@@ -59,6 +67,12 @@ class FixedPoint:
     period: float
     note: str = ""
     hidden: float = 0.0
+    rests: tuple[float, float] | None = field(default=None, repr=False)
+
+    def apart(self, d: float) -> float:
+        """How far a coordinate is from it; 0 on an interval of rests."""
+        low, high = self.rests or (self.d, self.d)
+        return max(low - d, d - high, 0.0)
 
     @property
     def stable(self) -> bool:
@@ -98,12 +112,17 @@ def grid(lo: float, hi: float, points: int) -> Array:
 
 
 def fixed_points(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tuple[FixedPoint, ...]:
-    """All fixed points of the map in [lo, hi], in order, the equilibrium set at 0 among them."""
+    """All fixed points of the map in [lo, hi], in order, the equilibrium set at 0 among them.
+
+    Coordinates from which the solution rests for ever are one "equilibrium set" for each interval.
+    """
     d = grid(lo, hi, points)
     fine = event_map.remake(rtol=min(event_map.rtol, TIGHT), atol=min(event_map.atol, TIGHT * 1e-2))
-    searches = [(fine, d, fine(d) - d)]
-    found: list[FixedPoint] = []
-    if lo <= 0.0 <= hi and event_map(0.0) == 0.0:
+    rests = _Rests(fine, lo, hi)
+    found, d, gap = rests.on(d, fine(d) - d)
+    searches = [(fine, d, gap)]
+    known = any(one.apart(0.0) == 0.0 for one in found)
+    if lo <= 0.0 <= hi and not known and event_map(0.0) == 0.0:
         at_set = equilibrium_set(event_map, 1e-3 * max(abs(lo), abs(hi)))
         for first in (d[d > 0][:1], d[d < 0][-1:]):
             if first.size:
@@ -119,8 +138,10 @@ def fixed_points(event_map: ScalarMap, lo: float, hi: float, points: int = 400) 
         scale = np.maximum(np.abs(between.low), np.abs(between.high))
         there = roots(missed, between, rtol=1e-15, jump=1e-3, floor=np.maximum(1e-7 * scale, noise))
         for root, left in zip(there.d[there.fixed].tolist(), there.left[there.fixed].tolist(), strict=True):
-            if all(abs(root - other.d) > 1e-9 * max(abs(root), abs(other.d)) for other in found):
-                found.append(_cycle(at, root, left))
+            if all(other.apart(root) > 1e-9 * max(abs(root), abs(other.d)) for other in found):
+                k = int(np.searchsorted(places, root))
+                beside = float(places[max(k - 1, 0)]), float(places[min(k + 1, places.size - 1)])
+                found.append(rests.around(root, *beside) if rests(root) else _cycle(at, root, left))
     return tuple(sorted(found, key=lambda point: point.d))
 
 
@@ -153,6 +174,87 @@ def _told(at_set: FixedPoint, d: Array, gap: Array) -> FixedPoint:
     note = f"{kind} cycle between the set and |d| = {abs(d[last]):.1g} is not resolved"
     hidden = max(at_set.hidden, abs(float(d[last])))
     return replace(at_set, note="; ".join(filter(None, (at_set.note, note))), hidden=hidden)
+
+
+class _Rests:
+    """Coordinates in [lo, hi] from which the solution of a map rests for ever."""
+
+    def __init__(self, event_map: ScalarMap, lo: float, hi: float) -> None:
+        self.map, self.lo, self.hi = event_map, lo, hi
+
+    def resting(self, d: Array) -> npt.NDArray[np.bool_]:
+        """Whether R(d) = d without a return, at coordinates (k,)."""
+        values, ended = self.map.returns(d)
+        stays = np.array([status is not Status.STOPPED for status in ended], dtype=bool)
+        return np.asarray(stays & (np.abs(values - d) <= 1e-15 * np.abs(d)))
+
+    def __call__(self, d: float) -> bool:
+        """Whether one coordinate rests."""
+        return bool(self.resting(np.array([d]))[0])
+
+    def on(self, d: Array, gap: Array) -> tuple[list[FixedPoint], Array, Array]:
+        """The sets that hold coordinates of a grid, and what is left of it and of R(d) - d beside them."""
+        found: list[FixedPoint] = []
+        more: list[float] = []
+        # A cycle that comes back with all its digits is none of rests.
+        still = np.abs(gap) <= 1e-15 * np.abs(d)
+        if not still.any():
+            return found, d, gap
+        still[still] = self.resting(d[still])
+        k = np.flatnonzero(still)
+        for part in np.split(k, np.flatnonzero(np.diff(k) > 1) + 1) if k.size else ():
+            first, last = int(part[0]), int(part[-1])
+            low = float(d[first - 1]) if first else self.lo
+            high = float(d[last + 1]) if last + 1 < d.size else self.hi
+            ends = self.end(float(d[first]), low), self.end(float(d[last]), high)
+            found.append(self.of(*ends))
+            size = _BESIDE * max(abs(ends[0]), abs(ends[1]), ends[1] - ends[0])
+            more += [q for q in (ends[0] - size, ends[1] + size) if low < q < high]
+        if not found:
+            return found, d, gap
+        # What is cut out keeps the coordinates beside it from being neighbours.
+        at = np.array(more)
+        places = np.concatenate([d, at])
+        values = np.concatenate([np.where(still, np.nan, gap), np.asarray(self.map(at)) - at if more else at])
+        order = np.argsort(places, kind="stable")
+        return found, places[order], values[order]
+
+    def around(self, d: float, low: float, high: float) -> FixedPoint:
+        """The set of a coordinate that rests, between two others."""
+        return self.of(self.end(d, low), self.end(d, high))
+
+    def end(self, inside: float, outside: float) -> float:
+        """The last coordinate that rests, from one that does towards one that may not."""
+        if inside == outside or self(outside):
+            return outside
+        least = 1e-16 * (self.hi - self.lo)
+        while abs(outside - inside) > 1e-14 * max(abs(inside), abs(outside)) + least:
+            middle = 0.5 * (inside + outside)
+            inside, outside = (middle, outside) if self(middle) else (inside, middle)
+        return inside
+
+    def of(self, low: float, high: float) -> FixedPoint:
+        """The set with these ends: stable where what starts beside it comes nearer."""
+        reach = _REACH * max(high - low, 1e-3 * (self.hi - self.lo))
+        slope, error = 0.0, 0.0
+        for end, side in ((low, -1.0), (high, 1.0)):
+            if not self.lo <= end + side * reach <= self.hi:
+                continue
+            d = end + side * reach * np.array([1.0, 0.5])
+            image = np.asarray(self.map(d))
+            gone = np.maximum(np.maximum(low - image, image - high), 0.0)
+            ratios = gone / np.abs(d - end)
+            if not np.all(np.isfinite(ratios)):
+                slope, error = float("nan"), np.inf
+                break
+            slope = max(slope, float(ratios[1]))
+            error = max(error, 2.0 * abs(float(ratios[1] - ratios[0])) + 1e-6)
+        verdict: Growth = "undecided" if np.isnan(slope) else by_excess(slope - 1.0, error)
+        d0 = 0.0 if low <= 0.0 <= high else min(low, high, key=abs)
+        if low == high:
+            return FixedPoint(d0, "equilibrium set", slope, verdict, 0.0, 0.0)
+        note = f"every coordinate from {low:.6g} to {high:.6g} is at rest"
+        return FixedPoint(d0, "equilibrium set", slope, verdict, 0.0, 0.0, note, rests=(low, high))
 
 
 def _gap(event_map: ScalarMap) -> Gap:
@@ -212,10 +314,12 @@ def jumps(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tupl
 def basins(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tuple[BasinInterval, ...]:
     """Intervals of [lo, hi] between repelling points, each with the attractor its middle goes to."""
     known = fixed_points(event_map, lo, hi, points)
-    attractors = [point.d for point in known if point.stable]
+    sets = [point for point in known if point.rests is not None]
+    attractors = [point for point in known if point.stable]
     hidden = max((point.hidden for point in known if point.stable), default=0.0)
     edges = {-hidden, hidden} if hidden else set()
-    edges |= {point.d for point in known if not point.stable}
+    edges |= {point.d for point in known if not point.stable and point not in sets}
+    edges |= {end for point in sets for end in point.rests or ()}
     borders = [lo, *sorted(edge for edge in edges if lo < edge < hi), hi]
     out = []
     for a, b in pairwise(borders):
@@ -225,15 +329,22 @@ def basins(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tup
             continue
         for _ in range(2000):
             before, d = d, float(event_map(d))
-            if not attractors or not np.isfinite(d):
+            if not (attractors or sets) or not np.isfinite(d):
                 break
-            to = min(attractors, key=lambda q: abs(d - q))
-            apart = abs(d - to)
+            # What has come into a set of rests is at rest, whether it attracts or not.
+            at_rest = next((point for point in sets if point.apart(d) == 0.0), None)
+            if at_rest is not None:
+                target = at_rest.d
+                break
+            if not attractors:
+                continue
+            to = min(attractors, key=lambda q: q.apart(d))
+            apart = to.apart(d)
             # However slowly: it comes nearer, and no other fixed point lies on its way.
-            alone = all(not 0 < abs(point.d - to) <= apart for point in known)
-            nearer = nearer + 1 if alone and apart < abs(before - to) else 0
+            alone = all(not 0 < to.apart(point.d) <= apart for point in known)
+            nearer = nearer + 1 if alone and apart < to.apart(before) else 0
             if apart <= 1e-6 * max(abs(lo), abs(hi)) or nearer >= NEARER:
-                target = to
+                target = to.d
                 break
         out.append(BasinInterval(a, b, target))
     return tuple(out)

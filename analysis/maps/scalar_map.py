@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.maps.section import BoundSection, Section
+from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.solution import Solution
 
@@ -27,6 +28,9 @@ class ScalarMap(Protocol):
 
     def __call__(self, d: Any) -> Any:
         """R(d), a number or an array like d; NaN where the solution does not return."""
+
+    def returns(self, d: Any) -> tuple[Array, tuple[Status, ...]]:
+        """Values at numbers (k,), and how each solution ended: STOPPED where it came back."""
 
     def derivative(self, d: float) -> float:
         """dR/dd; NaN where the map does not return."""

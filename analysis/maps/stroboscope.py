@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from filippov.base.names import unknown
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
+# The most parts of a strobe's time that are looked for in the period of an orbit.
+MOST_PARTS = 100
 
 
 @constructor()
@@ -49,6 +52,12 @@ class Stroboscope:
 
     def __str__(self) -> str:
         return f"once a period{f', after {self.clock!r}' if self.clock else ''}"
+
+
+def strobes_and_turns(period: float, strobe: float) -> tuple[int, int]:
+    """The least number of strobes after which an orbit is back at one, and the turns that it then made."""
+    ratio = Fraction(period / strobe).limit_denominator(MOST_PARTS)
+    return ratio.numerator, ratio.denominator
 
 
 def clock_times(system: System, name: str, values: Array) -> tuple[float, float]:

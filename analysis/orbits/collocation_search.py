@@ -19,7 +19,7 @@ from filippov.analysis.orbits.orbit_collocation import (
     polished,
 )
 from filippov.analysis.orbits.shooting import NoConvergenceError, Shooting, onto_surfaces, resolved
-from filippov.analysis.steady.forcing import Period, forcing_period
+from filippov.analysis.steady.forcing import Period
 from filippov.base.errors import SolveError
 from filippov.base.status import Status
 from filippov.solving.solution import Solution
@@ -70,8 +70,6 @@ class CollocationSearch:
             try:
                 check_admissible(found)
                 count = least_period(found)
-                if base.period is not None:
-                    count = self._divides(count)
                 if count == 1:
                     problem, u, left = polished(found)
                     orbit = make_orbit(problem, u, self.p, left)
@@ -93,17 +91,6 @@ class CollocationSearch:
         """The state, on the surfaces that its mode slides on."""
         on = tuple(i for i, sign in enumerate(mode) if sign == 0)
         return onto_surfaces(self.base.system, x, t, self.p, on)
-
-    def _divides(self, count: int) -> int:
-        """The largest part of `count` that leaves a multiple of the forcing's own period."""
-        period = self.base.period
-        if period is None or forcing_period(self.base.system) is None:
-            return 1
-        ratio = period(self.p) / Period(self.base.system)(self.p)
-        multiple = round(ratio)
-        if abs(ratio - multiple) > 1e-9 * ratio:
-            return 1
-        return max(k for k in range(1, count + 1) if count % k == 0 and multiple % k == 0)
 
 
 def collocated_from(

@@ -19,6 +19,7 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.arcs import Arc, Ending, WordError, arcs_of, joined
 from filippov.analysis.orbits.collocation import Boundary, BoundaryProblem, Mesh, solved
 from filippov.analysis.orbits.gauss_step import Steps
+from filippov.analysis.orbits.oddness import repeats
 from filippov.analysis.orbits.shooting import NoConvergenceError, Shooting, velocity_at
 from filippov.analysis.orbits.shooting import newton as shoot
 from filippov.analysis.sensitivity.variation import mode_field
@@ -265,14 +266,28 @@ def _nodes(found: Collocated) -> list[float]:
 
 
 def least_period(found: Collocated) -> int:
-    """How often the orbit was traversed: the multiple of its least period with which it was found."""
+    """How often the orbit was traversed: the multiple of its least period with which it was found.
+
+    That of a forced system is also one of the system, whose surfaces keep their signs: a part of the word is
+    then a word.
+    """
     base, begin = found.base, float(found.mesh.times[0])
     if base.symmetry_order > 1:
         return 1
     start = found.at(begin)[0]
     for count in range(32, 1, -1):
         gap = np.abs(found.at(begin + found.period / count)[0] - start) / found.problem.size
-        if float(np.max(gap)) < _ODD:
+        if float(np.max(gap)) < _ODD and (base.period is None or _repeats(found, count)):
             return count
     return 1
+
+
+def _repeats(found: Collocated, count: int) -> bool:
+    """Whether the forced system repeats after a part of the period."""
+    base = found.base
+    size = np.max(np.abs(np.vstack(found.mesh.states)), axis=0)
+    return repeats(
+        base.system, found.p, size, float(found.mesh.times[0]), found.period, found.period / count,
+        method=base.method, jacobian=base.jacobian, mirrored=False,
+    )  # fmt: skip
 

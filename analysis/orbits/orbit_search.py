@@ -13,16 +13,18 @@ from filippov.analysis.orbits.collocation_search import CollocationSearch, collo
 from filippov.analysis.orbits.orbit import Orbit, make_orbit
 from filippov.analysis.orbits.search_start import anchor, extent, rests, return_time, settling
 from filippov.analysis.orbits.shooting import (
+    SAME,
     NoConvergenceError,
     ReturnError,
     Shooting,
+    least,
     newton,
     onto_surfaces,
     resolved,
     symmetry_matrix,
     velocity_at,
 )
-from filippov.analysis.steady.forcing import Period, forcing_period, is_forced
+from filippov.analysis.steady.forcing import Period, is_forced
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.given import Count, NonNegative, Positive
 from filippov.base.keywords import keywords
@@ -40,13 +42,15 @@ _STAGES, _TRIES = (1, 8, 32, 128, 512), 5
 # How many returns collocation is tried with, and how many of them with the same sequence of modes; the nodes
 # of shooting that finds another one.
 _RETURNS, _TRIES_OF_WORD, _MANY = 32, 2, 16
-# A solution may be seen to come back only after some returns; how near it then is after one of them.
-_MOST_TURNS, _SAME = 32, 1e-6
+# A solution may be seen to come back only after some returns.
+_MOST_TURNS = 32
 # How often collocation is tried where shooting fails on the returns of one solution: each time that is
 # farther from an orbit that repels, and longer.
 _STRONG = 3
 # The most events of the first solution in which a return is looked for, and up to where they are doubled.
 _EVENTS, _MOST_EVENTS = 2000, 64_000
+# How many times the extent of a guess of one period is not that of its orbit.
+_AWAY = 100.0
 COLLOCATION = "collocation"
 # A forced solution is back where it started, on an orbit, to this part of its extent.
 _BACK = 1e-4
@@ -79,12 +83,13 @@ def find_orbit(
                 the solution is used. Forced: the period, a number or a formula in the parameters such as
                 "2*pi/omega", or a multiple of the forcing's for subharmonic orbits; default: read off the
                 sines and cosines of t and the clocks, and the least multiple after which the solution from
-                the guess comes back
+                the guess comes back. The orbit has its least period, a part of the given one where orbit and
+                system repeat after it (the system at other parameter values too)
     symmetry    "odd" for x(t + T/2) = -x(t), or a matrix G for x(t + T/k) = G x(t): the part of the orbit is
                 solved for. An odd orbit is also recognised without it
     nodes       points of multiple shooting, for orbits that repel strongly
     transient   time to run before the search; t_max: longest time of the search
-    t0          time of the guess, for a forced system
+    t0          time of the guess, for a forced system; at a tick of a clock it is the state after it
     method      integration method of the solutions; or "collocation": the sequence of modes is taken from the
                 solution of the guess, and the orbit solved for by collocation on an adapted mesh, for orbits
                 that repel strongly. It places its own nodes for the exact solutions (DOP853) that confirm it;
@@ -168,7 +173,13 @@ class _Search:
         self.collocation, self.failed, self.strong = collocation, "", 0
         self.base, self.p, self.nodes, self.t_max, self.progress = base, p, nodes, t_max, progress
         self.values = dict(zip(base.system.parameters.names, p.tolist(), strict=True))
-        self.size = 0.0
+        self.size, self.piece = 0.0, np.inf
+
+    @property
+    def scale(self) -> float:
+        """The extent that an orbit is compared with: of all that was seen, but a solution that goes away from
+        an orbit that repels, without bound, is seen along the guess only."""
+        return min(self.size, _AWAY * self.piece)
 
     def solution(
         self, x0: Array, t0: float, length: float, dense: bool = True, most: int | None = None
@@ -325,8 +336,10 @@ class _Search:
     def _laid(self, solution: Solution, period: float) -> Solution:
         """A solution of a period's length from a good start."""
         length = period / self.base.symmetry_order
-        start = anchor(solution, min(length, solution.t_end - solution.problem.t_span[0]))
-        self.size = max(self.size, extent([solution]))
+        # The phase of a forced orbit stays where it is when an impact comes to it as a parameter changes.
+        forced = self.base.period is not None
+        start = anchor(solution, min(length, solution.t_end - solution.problem.t_span[0]), whole=forced)
+        self.size, self.piece = max(self.size, extent([solution])), extent([solution])
         if start > solution.problem.t_span[0]:
             return self.solution(self.state(solution, start), start, length)
         return self.solution(solution.problem.x0, solution.problem.t_span[0], length)
@@ -364,7 +377,7 @@ class _Search:
 
     def _collocated(self, solutions: Sequence[Solution]) -> Orbit:
         """The orbit by collocation from solutions of about one period."""
-        return CollocationSearch(self.base, self.p, self.size, self.solution).orbit(solutions)
+        return CollocationSearch(self.base, self.p, self.scale, self.solution).orbit(solutions)
 
     def _solve(self, x: Array, modes: Sequence[Mode], begin: float, period: float) -> Orbit:
         base, count = self.base, len(x)
@@ -382,12 +395,12 @@ class _Search:
         u, left = newton(problem, u, self.p)
         if base.period is None:
             self._check(problem, u, period)
-        if count == base.symmetry_order == 1:
-            if base.period is None:
-                u, left = self._shortest(problem, u, left)
-            else:
-                problem, u, left = self._least(problem, u, left)
-        found = make_orbit(problem, u, self.p, left)
+        pieces: list[Solution] | None = None
+        if base.period is not None:
+            problem, u, left, pieces = least(problem, u, left, self.p)
+        elif count == base.symmetry_order == 1:
+            u, left = self._shortest(problem, u, left)
+        found = make_orbit(problem, u, self.p, left, pieces)
         if found.trivial is not None and abs(found.trivial - 1.0) > 1e-2:
             raise NoConvergenceError("Newton's method went to an equilibrium.")
         return found
@@ -398,38 +411,16 @@ class _Search:
         assert sol is not None
         size = float(np.max(np.ptp(sol(np.linspace(0.0, float(u[-1]), 64)), axis=1)))
         for count in range(_MOST_TURNS, 1, -1):
-            if np.max(np.abs(sol(float(u[-1]) / count) - u[:-1])) < _SAME * size:
+            if np.max(np.abs(sol(float(u[-1]) / count) - u[:-1])) < SAME * size:
                 try:
                     return newton(problem, np.append(u[:-1], u[-1] / count), self.p)
                 except SolveError:
                     continue
         return u, left
 
-    def _least(self, problem: Shooting, u: Array, left: float) -> tuple[Shooting, Array, float]:
-        """The same forced orbit with its least period, where it was found with a multiple of it."""
-        own = forcing_period(problem.system)
-        if own is None or problem.period is None:
-            return problem, u, left
-        ratio = problem.period(self.p) / Period(problem.system)(self.p)
-        multiple = round(ratio)
-        if abs(ratio - multiple) > 1e-9 * ratio or multiple < 2:
-            return problem, u, left
-        sol = problem.solutions(u, self.p)[0].sol
-        assert sol is not None
-        length, begin = problem.period(self.p), problem.begin(self.p)
-        size = float(np.max(np.ptp(sol(np.linspace(begin, begin + length, 64)), axis=1)))
-        for count in (k for k in range(multiple, 1, -1) if multiple % k == 0):
-            if np.max(np.abs(sol(begin + length / count) - u)) < _SAME * size:
-                try:
-                    part = problem.times(1.0 / count)
-                    return part, *newton(part, u, self.p)
-                except SolveError:
-                    continue
-        return problem, u, left
-
     def _check(self, problem: Shooting, u: Array, guess: float) -> None:
         """An equilibrium solves the equations as well."""
-        small = extent(problem.solutions(u, self.p)) <= 1e-5 * self.size
+        small = extent(problem.solutions(u, self.p)) <= 1e-5 * self.scale
         if small or not 0.02 * guess < float(u[-1]) < 50 * guess:
             raise NoConvergenceError("Newton's method went to an equilibrium or to another period.")
 

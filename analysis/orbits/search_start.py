@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.status import EventKind
 from filippov.solving.solution import Solution
 
 Array = npt.NDArray[np.float64]
@@ -18,29 +20,41 @@ _FIRST = 4
 # better by this factor than all earlier ones, and at most so much worse after twice the time.
 _NEAR, _BETTER, _AGAIN = 0.03, 0.1, 3.0
 
+_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+
 
 def extent(solutions: Sequence[Solution]) -> float:
     """The largest distance between the values of a state."""
     return max(float(np.max(np.ptp(solution.y, axis=1))) for solution in solutions)
 
 
-def anchor(solution: Solution, length: float, begin: float = 0.0) -> float:
+def anchor(solution: Solution, length: float, begin: float = 0.0, whole: bool = False) -> float:
     """The middle of the longest segment with fewest sliding surfaces, within `length` after `begin` and
-    among the first ones."""
+    among the first ones; no clock resets the state in it, nor, unless it is `whole`, anything else."""
     first = solution.problem.t_span[0] + begin
     last = first + length
     best: tuple[int, float, float] | None = None
     seen = 0
     for segment in solution.segments:
-        low, high = max(segment.t0, first), min(segment.t1, last)
-        if high - low <= 1e-6 * length:
-            continue
-        seen += 1
-        if seen > _FIRST:
+        cuts = [segment.t0, *_jumps(solution, segment.t0, segment.t1, whole), segment.t1]
+        parts = [(max(a, first), min(b, last)) for a, b in pairwise(cuts)]
+        parts = [(low, high) for low, high in parts if high - low > 1e-6 * length]
+        for low, high in parts[: _FIRST - seen]:
+            key = (sum(sign == 0 for sign in segment.mode), -(high - low), 0.5 * (low + high))
+            best = key if best is None or key < best else best
+        seen += len(parts)
+        if seen >= _FIRST:
             break
-        key = (sum(sign == 0 for sign in segment.mode), -(high - low), 0.5 * (low + high))
-        best = key if best is None or key < best else best
     return best[2] if best is not None else first
+
+
+def _jumps(solution: Solution, begin: float, end: float, whole: bool) -> list[float]:
+    """Times in a segment of one mode at which the state has two values and a start has to keep off: all, or
+    of a `whole` segment those of clocks, which whole periods hit, and all where one is in the middle."""
+    inside = [e for e in solution.events if e.x_after is not None and begin < e.t < end]
+    middle, near = 0.5 * (begin + end), 1e-3 * (end - begin)
+    all_of_them = not whole or any(abs(e.t - middle) <= near for e in inside)
+    return [e.t for e in inside if all_of_them or e.kind is EventKind.TIME]
 
 
 def rests(solution: Solution) -> bool:
@@ -48,7 +62,8 @@ def rests(solution: Solution) -> bool:
     sol, last = solution.sol, solution.segments[-1]
     if sol is None or last.dwell < 0.05 * (solution.t_end - solution.problem.t_span[0]):
         return False
-    t = np.linspace(last.t0 + 0.5 * last.dwell, last.t1, 9)
+    # Not at equal distances: what comes back after each of them would seem to rest.
+    t = last.t0 + last.dwell * (0.5 + 0.5 * np.append(np.modf(_GOLDEN * np.arange(9))[0], 1.0))
     x = sol(t)
     return bool(np.max(np.ptp(x, axis=1)) <= 1e-12 * (1.0 + np.max(np.abs(x))))
 

@@ -20,10 +20,11 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
+from filippov.analysis.orbits.oddness import repeats
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.analysis.sensitivity.variation import mode_field
-from filippov.analysis.steady.forcing import Period
-from filippov.base.errors import SolveError, UsageError
+from filippov.analysis.steady.forcing import Period, is_forced
+from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.solution import Solution
@@ -32,6 +33,12 @@ from filippov.solving.state.events import Mode
 
 Array = npt.NDArray[np.float64]
 MOST_STEPS = 2_000_000
+# Parts of a forced period that are tried, each repeatedly; how near to itself the orbit then is, in parts of
+# its extent; shares of the part at which it is looked at, none of them a likely instant of a clock.
+_PRIMES = tuple(k for k in range(2, 100) if all(k % q for q in range(2, k)))
+SAME, _SHARES = 1e-6, (0.0618, 0.1459, 0.2361, 0.3819)
+# By how much parameters are moved to see whether a shorter period is the system's at others as well.
+_MOVED = 1e-3
 
 
 class ReturnError(SolveError):
@@ -176,7 +183,9 @@ class Shooting:
         speed = velocity_at(
             self.system, solution.start_mode, self.begin(p), solution.problem.x0, p, self.jacobian
         )
-        return replace(self, reference=nodes[0].copy(), velocity=speed / np.linalg.norm(speed))
+        # A state that a clock holds has no speed, and a forced orbit needs none.
+        size = float(np.linalg.norm(speed))
+        return replace(self, reference=nodes[0].copy(), velocity=speed / (size or 1.0))
 
 
 def velocity_at(
@@ -252,6 +261,105 @@ def newton(
             size,
         )
     return u, size
+
+
+def least(
+    problem: Shooting, u: Array, left: float, p: Array
+) -> tuple[Shooting, Array, float, list[Solution]]:
+    """The same forced orbit with its least period, where it was found with a multiple of it: the equations,
+    unknowns, what is left of them, and the solutions from the nodes."""
+    path = _Path(problem, u, left, problem.solutions(u, p), p)
+    for prime in _PRIMES:
+        while (shorter := path.shorter(prime)) is not None:
+            path = shorter
+    return path.problem, path.u, path.left, path.pieces
+
+
+class _Path:
+    """A forced orbit of some period, with what tells whether it repeats within it."""
+
+    def __init__(self, problem: Shooting, u: Array, left: float, pieces: list[Solution], p: Array) -> None:
+        assert problem.period is not None
+        self.problem, self.u, self.left, self.pieces, self.p = problem, u, left, pieces, p
+        self.begin, self.period = problem.begin(p), problem.period(p)
+        self.begins = [piece.problem.t_span[0] for piece in pieces]
+        part = self.period / problem.symmetry_order
+        seen = np.array([self.state(self.begin + share * part) for share in np.arange(64) / 64])
+        seen = np.vstack([seen, *(row.y.T for row in pieces)])
+        images = [seen @ np.linalg.matrix_power(problem.gate, k).T for k in range(problem.symmetry_order)]
+        seen = np.vstack(images)
+        self.extent, self.size = float(np.max(np.ptp(seen, axis=0))), np.max(np.abs(seen), axis=0)
+        self.near = SAME * self.extent + 10 * (problem.rtol * float(np.max(self.size)) + problem.atol + left)
+
+    def place(self, t: float) -> tuple[Solution, float, Array]:
+        """The solution with the state at t, its time there, and the power of the symmetry that is left."""
+        part = self.period / self.problem.symmetry_order
+        turns = int((t - self.begin) // part)
+        at = t - turns * part
+        piece = self.pieces[max(int(np.searchsorted(self.begins, at, side="right")) - 1, 0)]
+        return piece, at, np.linalg.matrix_power(self.problem.gate, turns)
+
+    def state(self, t: float) -> Array:
+        """The state at t, after what happens there."""
+        piece, at, power = self.place(t)
+        assert piece.sol is not None
+        return np.asarray(power @ piece.sol(at, side="+"))
+
+    def shorter(self, prime: int) -> _Path | None:
+        """The orbit with a part of its period; None where it, or the system, does not repeat after it."""
+        problem, p, order, short = self.problem, self.p, self.problem.symmetry_order, self.period / prime
+        if order % prime == 0:
+            return None
+        if self.extent <= self.near and not is_forced(problem.system):
+            return None  # a rest has every period
+        # Not at the start: both sides of a jump are treated alike where there is none.
+        for t in (self.begin + share * short for share in _SHARES):
+            if float(np.max(np.abs(self.state(t + short) - self.state(t)))) > self.near:
+                return None
+        if not _repeating(problem, p, self.size, prime):
+            return None
+        nodes, sliding = [self.u[: problem.n]], [problem.sliding[0]]
+        for share in np.cumsum(problem.shares[:-1]).tolist():
+            t = self.begin + share * short / order
+            piece, at, _ = self.place(t)
+            nodes.append(self.state(t))
+            sliding.append(tuple(i for i, sign in enumerate(piece.mode_at(at, "+")) if sign == 0))
+        # x(t + T/m) = G x(t) with period T/k is x(t + T/(k m)) = G**a x(t) with a k = 1 modulo m.
+        gate = problem.gate if order == 1 else np.linalg.matrix_power(problem.gate, pow(prime, -1, order))
+        part = replace(
+            problem.times(1.0 / prime), sliding=tuple(sliding),
+            symmetry=None if problem.symmetry is None else gate,
+        )  # fmt: skip
+        guess = np.concatenate(nodes)
+        try:
+            u, left = newton(part, guess, p)
+            # Beside a period doubling there are two orbits, one of which has branched off the other.
+            if float(np.max(np.abs(u - guess))) > self.near:
+                return None
+            return _Path(part, u, left, part.solutions(u, p), p)
+        except SolveError:
+            return None
+
+
+def _repeating(problem: Shooting, p: Array, size: Array, prime: int) -> bool:
+    """Whether the system itself repeats after a part of its period: at other parameter values too, if the
+    whole period is theirs, so that the orbit can be followed."""
+    period = problem.period
+    assert period is not None
+    other = np.where(p == 0.0, _MOVED, p * (1.0 + _MOVED * np.cos(np.arange(p.size))))
+    for values in (p, other) if p.size else (p,):
+        try:
+            length, begin = period(values), problem.begin(values)
+            shifts = (length / prime,) if values is p else (length, length / prime)
+            for shift in shifts:
+                if not repeats(
+                    problem.system, values, size, begin, length, shift, method=problem.method,
+                    jacobian=problem.jacobian,
+                ):  # fmt: skip
+                    return values is not p and shift == length
+        except (UsageError, ModelError, ArithmeticError):
+            return values is not p
+    return True
 
 
 def symmetry_matrix(given: Any, system: System) -> tuple[Array | None, int]:

@@ -6,6 +6,7 @@ neighbourhood of them, and it is checked there by putting it back into the equat
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -26,6 +27,8 @@ MOST_BRANCHES = 64
 ROUNDING = 1e-9
 # Work that one equation may take, in the units of a budget.
 ROOTS = 1.0
+# Of a polynomial in roots of the unknowns: its factors are sought in loops that no budget stops.
+MOST_DEGREE = 60
 
 Family = dict[Symbol, Expr]
 
@@ -171,6 +174,8 @@ class Elimination:
 
     def _pair(self, rest: list[Expr], known: Family) -> bool:
         """Solve two polynomial equations in two unknowns together."""
+        if any(_degree(e) > MOST_DEGREE for e in rest):
+            return False
         for k, f in enumerate(rest):
             held = [x for x in self.unknowns if f.has(x)]
             for j in range(k + 1, len(rest)):
@@ -211,12 +216,17 @@ class Elimination:
 
     def _factors(self, equation: Expr) -> list[Expr] | None:
         """Return the factors that hold unknowns; [] if the equation holds, None if it cannot hold."""
+        if _degree(equation) > MOST_DEGREE:
+            return self._kept(_monomials(equation))
         numerator = sympy.fraction(sympy.together(equation))[0]
         try:
             constant, powers = self.clock.within(lambda: sympy.factor_list(numerator))
             factors = [constant, *(factor for factor, _ in powers)]
         except sympy.PolynomialError:
             factors = list(sympy.Mul.make_args(sympy.factor_terms(numerator)))
+        return self._kept(factors)
+
+    def _kept(self, factors: Sequence[Expr]) -> list[Expr] | None:
         kept = []
         for factor in factors:
             if factor.is_zero:
@@ -231,6 +241,8 @@ class Elimination:
         return kept or None
 
     def _roots(self, equation: Expr, unknown: Symbol) -> list[Expr] | None:
+        if _degree(equation) > MOST_DEGREE:
+            return _of_one_power(equation, unknown)
         if equation.is_polynomial(unknown):
             polynomial = sympy.Poly(equation, unknown)
             if polynomial.degree() < 2:
@@ -243,11 +255,11 @@ class Elimination:
             roots = self.clock.within(lambda: sympy.solve(equation, unknown), ROOTS)
         except OutOfBudgetError:
             self.clock.check()
-            return None
+            return _of_one_power(equation, unknown)
         except (NotImplementedError, ValueError, TypeError, AttributeError, KeyError, sympy.PolynomialError):
             return None
         plain = [r for r in roots if isinstance(r, Expr) and not r.has(unknown, sympy.I, sympy.Piecewise)]
-        return plain if plain or equation.is_polynomial(unknown) else None
+        return plain if plain or equation.is_polynomial(unknown) else _of_one_power(equation, unknown)
 
     def at_values(self, expression: Expr) -> Expr:
         """Return an expression in parameters at their values."""
@@ -287,12 +299,67 @@ class Elimination:
 
 def short(expression: Expr) -> Expr:
     """Return a rational expression cancelled and factored, any other as it is."""
-    if expression.is_number or expression.is_Symbol:
+    if expression.is_number or expression.is_Symbol or _degree(expression) > MOST_DEGREE:
         return expression
     try:
         return sympy.factor(sympy.cancel(expression))
     except (sympy.PolynomialError, NotImplementedError):
         return expression
+
+
+def _degree(expression: Expr) -> int:
+    """The largest degree in a base of powers, or in the root of it of which all its powers are whole ones.
+
+    An exponent that is a float has no such root, and a degree above all.
+    """
+    found: dict[Expr, set[sympy.Rational]] = {}
+    for power in expression.atoms(sympy.Pow):
+        if power.exp.is_Rational and power.base.free_symbols:
+            found.setdefault(power.base, set()).add(power.exp)
+        elif power.exp.has(sympy.Float) and power.base.free_symbols:
+            return MOST_DEGREE + 1
+    largest = 0
+    for base, exponents in found.items():
+        if len(exponents) == 1 and not expression.has(sympy.Add):
+            continue
+        powers = {base**e: sympy.S.One for e in exponents}
+        # Beside x**(1/3), x itself is (x**(1/3))**3.
+        every = [*exponents, sympy.S.One] if expression.xreplace(powers).has(base) else [*exponents]
+        root = math.lcm(*(int(e.q) for e in every))
+        largest = max(largest, *(abs(int(e * root)) for e in every))
+    return largest
+
+
+def _monomials(expression: Expr) -> list[Expr]:
+    """Factors without which an expression is not 0, found without polynomials: bases of its common powers."""
+    if not isinstance(expression, sympy.Add):
+        parts = [e.as_base_exp() for e in sympy.Mul.make_args(expression)]
+        return [base if e.is_positive else base**e for base, e in parts]
+    terms = [term.as_powers_dict() for term in expression.args]
+    least: dict[Expr, Expr] = {}
+    for base in {q for term in terms for q in term if q.free_symbols}:
+        exponents = [sympy.S(term.get(base, 0)) for term in terms]
+        if all(e.is_Rational or e.is_Float for e in exponents):
+            least[base] = min(exponents)
+    pulled = sympy.Mul(*(q**e for q, e in least.items()))
+    rest = sympy.Add(*(term / pulled for term in expression.args))
+    return [*(q for q, e in least.items() if e > 0), rest]
+
+
+def _of_one_power(equation: Expr, unknown: Symbol) -> list[Expr] | None:
+    """The roots where the unknown stands in one power with a fraction as exponent alone, which is >= 0."""
+    powers = [q for q in equation.atoms(sympy.Pow) if q.base.has(unknown)]
+    y = sympy.Dummy()
+    if len(powers) != 1 or not powers[0].exp.is_Number or powers[0].exp.is_Integer:
+        return None
+    (power,) = powers
+    of_power, of_base = _linear(equation.xreplace({power: y}), y), _linear(power.base, unknown)
+    if of_power is None or of_base is None or any(e.has(unknown) for e in of_power):
+        return None
+    value = -of_power[1] / of_power[0]
+    if value.is_negative:
+        return []
+    return [(value ** (1 / power.exp) - of_base[1]) / of_base[0]]
 
 
 def _linear(equation: Expr, unknown: Symbol) -> tuple[Expr, Expr] | None:

@@ -16,7 +16,7 @@ from sympy import Expr, Symbol
 
 from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
 from filippov.analysis.algebra.exact_form import exact_form
-from filippov.analysis.algebra.polynomial import exact
+from filippov.analysis.algebra.polynomial import exact, in_exponents
 from filippov.analysis.algebra.time_bounds import bounds
 from filippov.analysis.steady.branches import DegenerateError, Elimination, Family, UnsolvedError
 from filippov.analysis.steady.clocks import after, mover
@@ -69,8 +69,8 @@ def equilibria(
     """
     p = system.parameters.resolve(parameters)
     numbers = tuple(zip(system.parameters.names, p.tolist(), strict=True))
-    still = system if t is not None else without_time_surfaces(system)
-    if still is not system:
+    if t is None and time_surfaces(system):
+        still = without_time_surfaces(system)
         return _with_every_surface(system, still, parameters, modes, box, budget)
     clock = Clock(budget)
     ranges = _ranges(system, box)
@@ -138,17 +138,23 @@ def mode_signs(system: System, mode: str) -> tuple[int, ...]:
     return tuple(table[c] for c in mode)
 
 
-def _modes(system: System, modes: Sequence[str] | None) -> tuple[list[str], list[str]]:
-    if modes is not None:
-        for mode in modes:
-            mode_signs(system, mode)
-        return list(dict.fromkeys(modes)), []
+def mode_options(system: System) -> list[str]:
+    """The signs of each surface in the modes that are searched."""
     # The field does not jump on a kink, so what lies on it is found in the modes beside it.
     signs = {"switching": "+0-", "kink": "+-", "reset": "+-", "observer": "+"}
     options = [signs[s.kind] if s.width == 0 else "+-" for s in system.surfaces]
     form = exact_form(system)
     for i, contact in enumerate(form.contact if form is not None else ()):
         options[i] = "+0-" if contact is not None else options[i]
+    return options
+
+
+def _modes(system: System, modes: Sequence[str] | None) -> tuple[list[str], list[str]]:
+    if modes is not None:
+        for mode in modes:
+            mode_signs(system, mode)
+        return list(dict.fromkeys(modes)), []
+    options = mode_options(system)
     total = 1
     for option in options:
         total *= len(option)
@@ -194,7 +200,9 @@ def _symbolic(
     clock: Clock,
 ) -> tuple[list[EquilibriumPoint | EquilibriumSet], list[str]]:
     problem = ModeProblem.of(system, form, mode)
-    values = {q: exact(v) for q, (_, v) in zip(form.p, numbers, strict=True)}
+    values = in_exponents(
+        form.expressions(), {q: exact(v) for q, (_, v) in zip(form.p, numbers, strict=True)}
+    )
     put: dict[Symbol, Expr] = {} if t is None else {symbols.t: exact(t)}
     degenerate: tuple[str, ...] = ()
     if t is None and problem.has(symbols.t):
@@ -372,7 +380,9 @@ def _unmoved(
 
 def _numbers(system: System, p: Any) -> dict[Symbol, Expr]:
     form = exact_form(system)
-    return {} if form is None else {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
+    if form is None:
+        return {}
+    return in_exponents(form.expressions(), {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)})
 
 
 def _without_doubles(

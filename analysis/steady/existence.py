@@ -12,6 +12,7 @@ import sympy
 from scipy.optimize import brentq
 from sympy import Expr, Symbol
 
+from filippov.analysis.algebra.polynomial import plain_exponents
 from filippov.analysis.steady.branches import Family, short
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, PointKind
 from filippov.model.symbolic import SymbolicForm
@@ -90,8 +91,8 @@ class ModeProblem:
             return self
         return replace(
             self,
-            equations=tuple(at_rest(e.subs(values)) for e in self.equations),
-            bounds=tuple(replace(b, g=at_rest(b.g.subs(values))) for b in self.bounds),
+            equations=tuple(plain_exponents(at_rest(e.subs(values))) for e in self.equations),
+            bounds=tuple(replace(b, g=plain_exponents(at_rest(b.g.subs(values)))) for b in self.bounds),
             limits=tuple((low.subs(values), high.subs(values)) for low, high in self.limits),
         )
 

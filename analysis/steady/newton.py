@@ -58,7 +58,8 @@ def zero(f: Callable[[Array], Array], start: Array) -> tuple[Array, float] | Non
 
     try:
         # What follows is quicker near a zero, and knows multiple ones.
-        result = least_squares(searched, start, xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200)
+        with np.errstate(all="ignore"):
+            result = least_squares(searched, start, xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200)
         y = np.asarray(result.x)
         if not np.max(np.abs(result.fun)) <= ROUGH * (1.0 + np.max(np.abs(result.jac))):
             return None

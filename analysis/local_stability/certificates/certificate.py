@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from filippov.analysis.local_stability.stability_result import Answer, Statement
+from filippov.analysis.local_stability.stick_parts import Beside
 
 Reach = Literal["local", "global"]
 
@@ -14,7 +15,7 @@ Reach = Literal["local", "global"]
 class Certificate:
     """A verdict on an equilibrium or a set of equilibria.
 
-    answer   "asymptotically stable", "stable" or "unstable"
+    answer   "asymptotically stable", "stable" or "unstable"; "undecided" where sets that touch leave it open
     theorem  what gives the verdict, in words
     source   where the theorem is proved
     checked  the hypotheses, each with what was found
@@ -31,3 +32,8 @@ class Certificate:
         """The certificate as lines of a report."""
         head = self.theorem + (", for all solutions" if self.reach == "global" else "")
         return [Statement(head, self.source), *(Statement(f"checked: {text}") for text in self.checked)]
+
+    def beside(self, others: Beside) -> Certificate:
+        """The certificate with what equilibria arbitrarily near leave of it."""
+        reach: Reach = self.reach if others.together else "local"
+        return replace(self, answer=others.answer, checked=(*self.checked, others.text), reach=reach)

@@ -3,7 +3,8 @@
 q' = v, v' = F0(q) + G(q, v), F0 the mean of F over the signs of v at v = 0. With V = v^2/2 - integral of
 F0, V' = v G. Where F0 leads back, V is positive definite and solutions pass through all quadrants, so that
 power of one sign decides (LaSalle's invariance principle, for inclusions Shevitz & Paden 1994). Power
-that vanishes keeps V.
+that vanishes keeps V. Where at v = 0 beside the point the force leads back with all signs but is balanced by
+some, as by friction that outdoes it, solutions come to rest there, and the point is stable only.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def _one(found: Local, q: Symbol, v: Symbol, j: int) -> Certificate | None:
         return None
     walls = [k for k, (_, turns) in kept.items() if turns and found.sides[k] != "both"]
     impact = [growth for growth, _ in kept.values()]
-    powers, checked = list(impact), []
+    powers, checked, held = list(impact), [], False
     for side in (1, -1):
         if any(_sign(found.h[k], {q: side * EPSILON}) != _of(found.sides[k]) for k in walls):
             continue
@@ -79,6 +80,7 @@ def _one(found: Local, q: Symbol, v: Symbol, j: int) -> Certificate | None:
         part = lowest(rest.xreplace({q: side * EPSILON}))
         if part is None or not part[1].is_number or not side * part[1] < 0:
             return None
+        held = held or _held(found, at, q, v, j, side)
         checked.append(f"for {q.name} {'>' if side > 0 else '<'} 0 beside it the force leads back")
         for way in (1, -1):
             signs = tuple(s or _sign(h, {v: way * EPSILON}) for s, h in zip(at, found.h, strict=True))
@@ -95,6 +97,12 @@ def _one(found: Local, q: Symbol, v: Symbol, j: int) -> Certificate | None:
     if all(p == 0 for p in powers):
         checked += [*impacts, "no power is lost or gained"]
         return Certificate("stable", "the energy is positive definite and kept", ENERGY, tuple(checked))
+    if max(powers) <= 0 and held:
+        checked += [
+            *impacts,
+            "the power v G is nowhere positive, and vanishes where v = 0 is held beside the rest",
+        ]
+        return Certificate("stable", "the energy does not rise along solutions", LASALLE, tuple(checked))
     if max(powers) <= 0:
         checked += [*impacts, "the power v G is nowhere positive and vanishes on no solution but the rest"]
         text = "the energy falls along solutions"
@@ -118,6 +126,17 @@ def _rest(found: Local, at: list[int], v: Symbol, j: int) -> Expr:
         signs: Signs = tuple(beside.get(k, s) for k, s in enumerate(at))
         rows.append(found.fields[signs][j].subs(v, 0))
     return sympy.Add(*rows) / len(rows)
+
+
+def _held(found: Local, at: list[int], q: Symbol, v: Symbol, j: int, side: int) -> bool:
+    """Whether v = 0 may be held on this side: a force there, by the signs of v, does not lead back."""
+    for way in itertools.product((1, -1), repeat=at.count(0)):
+        free = iter(way)
+        signs: Signs = tuple(s or next(free) for s in at)
+        part = lowest(found.fields[signs][j].subs(v, 0).xreplace({q: side * EPSILON}))
+        if part is None or not part[1].is_number or not side * part[1] < 0:
+            return True
+    return False
 
 
 def _sign(h: Expr, put: dict[Symbol, Expr]) -> int:

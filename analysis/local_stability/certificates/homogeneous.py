@@ -54,7 +54,7 @@ def lowest(expression: Expr) -> tuple[Expr, Expr] | None:
 
 def _power(term: Expr) -> tuple[Expr, Expr] | None:
     coefficient, exponent = term.as_coeff_exponent(EPSILON)
-    if coefficient.has(EPSILON) or not exponent.is_Rational:
+    if coefficient.has(EPSILON) or not (exponent.is_Rational or exponent.is_Float):
         return None
     return coefficient, exponent
 
