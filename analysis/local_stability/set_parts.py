@@ -1,4 +1,4 @@
-"""A segment of equilibria, cut where the linear part across it changes its stability.
+"""A set of equilibria, cut where the linear part across it changes its stability.
 
 Roots cross the axis where the last coefficient of the characteristic polynomial across the set vanishes (a
 root 0) or the last Hurwitz determinant but one does (an imaginary pair; Orlando's formula).
@@ -10,32 +10,36 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import sympy
 from sympy import Expr
 
 from filippov.analysis.local_stability.kink_stability import modes_beside, surfaces_at
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.branches import short
-from filippov.analysis.steady.equilibrium import EquilibriumSet
+from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.steady.interior import inner_point
 from filippov.analysis.steady.linearisation import characteristic_polynomial, linearise
 
 NEAR = 1e-9
+# Of expressions whose signs tell parts of a set of more dimensions.
+MOST_CUTS = 4
+# Lines from the inside of a set on which it is looked at, and how far on those without end.
+MOST_WAYS, FARTHEST = 26, 50.0
 
 
 def parts(context: Context, found: EquilibriumSet) -> tuple[EquilibriumSet, ...]:
-    """The set cut at the borders of stability; itself where there are none inside, or in higher dimension."""
-    if found.dimension != 1:
-        return (found,)
+    """The set cut at the borders of stability; itself where there are none inside."""
     borders: list[Expr] = []
     # A set on a kink has the linear parts of all sides.
     for mode in modes_beside(context, found.mode, surfaces_at(context, found)).values():
         matrix = context.form.jacobian(mode).subs(context.put)
         at = matrix.subs(dict(zip(context.form.x, found.x, strict=True))).applyfunc(short)
-        polynomial, zeros = context.without_zeros(characteristic_polynomial(at), 1)
-        if zeros < 1 or len(polynomial) < 2:
+        polynomial, zeros = context.without_zeros(characteristic_polynomial(at), found.dimension)
+        if zeros < found.dimension or len(polynomial) < 2:
             return (found,)
         borders += [g for g in _borders(polynomial) if g not in borders]
-    return _cut(context, found, borders)
+    return _cut(context, found, borders) if found.dimension == 1 else _regions(context, found, borders)
 
 
 def sliding_parts(context: Context, found: EquilibriumSet) -> tuple[EquilibriumSet, ...]:
@@ -71,6 +75,53 @@ def _cut(context: Context, found: EquilibriumSet, borders: Sequence[Expr]) -> tu
         )
         for (a, left), (b, right) in itertools.pairwise(edges)
     )  # fmt: skip
+
+
+def _regions(context: Context, found: EquilibriumSet, borders: Sequence[Expr]) -> tuple[EquilibriumSet, ...]:
+    """A set of more dimensions in the regions of one sign of each expression."""
+    held = [c.gts - c.lts for c in found.conditions]
+    values = {**context.values, **context.put}
+    cuts = [g for g in map(short, borders) if g.subs(values).has(*found.free)][:MOST_CUTS]
+    pieces = []
+    for signs in itertools.product((1, -1), repeat=len(cuts)):
+        beside = [sign * g for sign, g in zip(signs, cuts, strict=True)]
+        inside = inner_point(found.free, [*held, *beside], values)
+        if inside is not None:
+            pieces.append((beside, inside))
+    if len(pieces) < 2:
+        return (found,)
+    return tuple(
+        replace(
+            found, conditions=(*found.conditions, *(g > 0 for g in beside)), inside=inside,
+            ends=tuple(end for end in found.ends if _in_all(context, found, end, beside)),
+        )
+        for beside, inside in pieces
+    )  # fmt: skip
+
+
+def spots(context: Context, found: EquilibriumSet) -> list[dict[sympy.Symbol, Expr]]:
+    """Places all over a set, by its free symbols: one inside, and on the lines from it to the borders."""
+    values = {**context.values, **context.put}
+    held = [sympy.lambdify(list(found.free), (c.gts - c.lts).subs(values)) for c in found.conditions]
+    middle = np.array(found.inner)
+    ways = [way for way in itertools.product((-1.0, 0.0, 1.0), repeat=found.dimension) if any(way)]
+    out = [middle]
+    for way in ways[:MOST_WAYS]:
+        reach = FARTHEST
+        while reach > NEAR and not all(g(*(middle + reach * np.array(way))) >= 0 for g in held):
+            reach *= 0.8
+        out += [middle + share * reach * np.array(way) for share in (0.3, 0.99)]
+    return [{q: sympy.Rational(repr(float(c))) for q, c in zip(found.free, at, strict=True)} for at in out]
+
+
+def _in_all(
+    context: Context, found: EquilibriumSet, end: EquilibriumPoint, positive: Sequence[Expr]
+) -> bool:
+    """Whether a corner of a set lies in a part of it."""
+    pairs = [*zip(found.x, end.value, strict=True)]
+    pairs += [(s, value) for (_, s), value in zip(found.multipliers, end.s_value, strict=True)]
+    put = {q: sympy.Float(value, 20) for q, value in pairs if q in found.free}
+    return all(context.number(g, put) >= -NEAR for g in positive)
 
 
 def _at(value: tuple[float, ...], found: EquilibriumSet, context: Context, c: float) -> bool:

@@ -24,6 +24,7 @@ from sympy import Expr, Rational, Symbol
 from filippov.analysis.algebra.growth import by_excess
 from filippov.analysis.algebra.polynomial import Verdict
 from filippov.analysis.local_stability.kink_stability import kink_stability, surfaces_at
+from filippov.analysis.local_stability.set_parts import spots
 from filippov.analysis.local_stability.sliding_stability import attraction
 from filippov.analysis.local_stability.stability_context import SMALL, Context
 from filippov.analysis.local_stability.stability_result import (
@@ -39,6 +40,7 @@ from filippov.analysis.steady.drift_map import drift_map
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.analysis.steady.existence import at_rest
 from filippov.analysis.steady.linearisation import (
+    SlidingLinearisation,
     SlipLinearisation,
     characteristic_polynomial,
     linearise,
@@ -73,6 +75,11 @@ def set_stability(
         text = "the sliding field is not determined by first derivatives"
         return EquilibriumStability(
             found, linear, None, None, False, "undecided", (), attracts, (*statements, Statement(text))
+        )
+    if found.dimension > 1 and not _uniform(context, found, sliding, attracts):
+        text = "the sliding mode beside it is not alike at all of its points"
+        return EquilibriumStability(
+            found, linear, None, None, False, "undecided", (), "undecided", (*statements, Statement(text))
         )
     if attracts != "unstable" and surfaces_at(context, found):
         # Slip at its ends is that of one side of the kink too: what the set does as a whole is left open.
@@ -111,6 +118,19 @@ def set_stability(
     )
 
 
+def _uniform(
+    context: Context, found: EquilibriumSet, sliding: SlidingLinearisation, attracts: Answer
+) -> bool:
+    """Whether all over a set its surfaces attract alike, and the sliding field has roots on the same side."""
+    assert sliding.matrix is not None
+    polynomial = characteristic_polynomial(sliding.matrix)[: -sliding.normal.rows or None]
+    rest, _ = context.without_zeros(polynomial, len(polynomial))
+    places = spots(context, found)
+    if any(attraction(context, sliding, found.mode, found.x, at)[1] != attracts for at in places):
+        return False
+    return len({context.verdict(rest, at) for at in places}) == 1
+
+
 def _endless(context: Context, found: EquilibriumSet) -> bool:
     """Whether a line of equilibria has no end, and its multiplier is nowhere at a bound."""
     if found.dimension != 1 or any(abs(b) < math.inf for b in found.bounds[0]):
@@ -139,16 +159,7 @@ def _worst(answers: Sequence[Answer]) -> Answer:
 
 
 def _inner_point(found: EquilibriumSet) -> dict[Symbol, Expr]:
-    inner = {}
-    for q, (low, high) in zip(found.free, found.bounds, strict=True):
-        ends = [e for e in (low, high) if np.isfinite(e)]
-        middle = (
-            0.53 * low + 0.47 * high
-            if len(ends) == 2
-            else (ends[0] + (1 if ends[0] == low else -1) if ends else 0.1)
-        )
-        inner[q] = Rational(str(middle))
-    return inner
+    return {q: Rational(str(c)) for q, c in zip(found.free, found.inner, strict=True)}
 
 
 def _degenerate(found: EquilibriumSet) -> list[Statement]:

@@ -32,7 +32,7 @@ def smooth_stability(context: Context, found: EquilibriumPoint | EquilibriumSet)
     free = {}
     if isinstance(found, EquilibriumSet):
         statements.append(Statement(f"the set has dimension {found.dimension}: as many roots are 0"))
-        free = {q: sympy.Rational(str(_inner(*b))) for q, b in zip(found.free, found.bounds, strict=True)}
+        free = {q: sympy.Rational(str(c)) for q, c in zip(found.free, found.inner, strict=True)}
     interior: Answer = "undecided"
     hurwitz = context.verdict(polynomial, free)
     if zeros < found.dimension or hurwitz is None:
@@ -108,11 +108,3 @@ def _bordered(context: Context, found: EquilibriumSet) -> bool:
         return bool(set_ends(context, found))
     put = dict(zip(context.form.x, found.x, strict=True))
     return any(h.subs(put).has(*found.free) for h in context.form.h_at_mode(found.mode))
-
-
-def _inner(low: float, high: float) -> float:
-    if abs(low) == float("inf") and abs(high) == float("inf"):
-        return 0.1
-    if abs(low) == float("inf") or abs(high) == float("inf"):
-        return low + 1.0 if abs(low) < float("inf") else high - 1.0
-    return 0.45 * low + 0.55 * high

@@ -126,6 +126,8 @@ def _title(item: EquilibriumStability, result: StabilityResult, style: Style) ->
 def _at(e: EquilibriumPoint | EquilibriumSet) -> str:
     if isinstance(e, EquilibriumPoint):
         return f"at {_values(e.value, 6)}"
+    if e.dimension > 1:
+        return "around " + ", ".join(f"{q} = {c:.3g}" for q, c in zip(e.free, e.inner, strict=True))
     shown = [_values(end.value, 6) for end in e.ends]
     return f"between {shown[0]} and {shown[1]}" if len(shown) == 2 else f"with {len(shown)} ends"
 
@@ -181,12 +183,26 @@ def _place(e: EquilibriumPoint | EquilibriumSet, style: Style) -> list[str]:
             f"{style.formula(q)} in [{style.formula(low)}, {style.formula(high)}]"
             for q, (low, high) in zip(e.free, e.domain, strict=True)
         )
+        lines += _cut_off(e, style)
         lines += ["end: " + _values(end.value) for end in e.ends]
     else:
         lines.append("value: " + _values(e.value))
         if e.conditions:
             lines.append("exists where " + ", ".join(style.formula(c) for c in e.conditions))
     return lines
+
+
+def _cut_off(e: EquilibriumSet, style: Style) -> list[str]:
+    """What bounds a set of more dimensions besides the limits of single symbols."""
+    if e.dimension < 2:
+        return []
+    sides = [c for c in e.conditions if len(c.free_symbols & {*e.free}) > 1 or not _linear(c, e)]
+    return ["where " + ", ".join(style.formula(c) for c in sides)] if sides else []
+
+
+def _linear(condition: Any, e: EquilibriumSet) -> bool:
+    g = condition.gts - condition.lts
+    return all(g.diff(q).is_number for q in e.free)
 
 
 def _name(state: str, style: Style) -> str:

@@ -395,8 +395,9 @@ def _without_doubles(
     formulas = set()
     numbers = _numbers(system, p)
     for e in found:
-        if isinstance(e, EquilibriumSet) and (e.x, e.domain) not in formulas:
-            formulas.add((e.x, e.domain))
+        # In the plane what cuts two halves off is in the conditions only.
+        if isinstance(e, EquilibriumSet) and (what := _described(e)) not in formulas:
+            formulas.add(what)
             if e.bounded:
                 places += [end.value for end in e.ends]
             half += () if e.bounded else e.ends
@@ -410,6 +411,10 @@ def _without_doubles(
             if not any(_inside(e, s, numbers) for s in kept if isinstance(s, EquilibriumSet)):
                 kept.append(e)
     return kept
+
+
+def _described(e: EquilibriumSet) -> tuple[object, ...]:
+    return e.x, e.domain, frozenset(e.conditions) if e.dimension > 1 else None
 
 
 def _slides(point: EquilibriumPoint) -> list[bool]:

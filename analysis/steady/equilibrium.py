@@ -67,6 +67,7 @@ class EquilibriumSet:
     bounds       the domain at the parameter values
     ends         end points (dimension 1), one of a half line, or corners (more) that exist
     conditions   inequalities in `free` and the parameters that bound the set
+    inside       values of `free` well inside the domain at the parameter values, () where it is an interval
     exact, degenerate, behind   as for a point
     """
 
@@ -82,6 +83,7 @@ class EquilibriumSet:
     exact: bool = True
     degenerate: tuple[str, ...] = ()
     behind: tuple[str, ...] = ()
+    inside: tuple[float, ...] = ()
 
     def __str__(self) -> str:
         pairs = zip(self.free, self.bounds, strict=True)
@@ -103,10 +105,23 @@ class EquilibriumSet:
         """Whether the domain is finite at the parameter values."""
         return all(abs(b) < float("inf") for pair in self.bounds for b in pair)
 
+    @property
+    def inner(self) -> tuple[float, ...]:
+        """Values of the free symbols inside the domain."""
+        return self.inside or tuple(_inner(*pair) for pair in self.bounds)
+
     def at(self, *c: Any) -> tuple[Expr, ...]:
         """x at values of the free symbols, in order."""
         put = dict(zip(self.free, map(sympy.S, c), strict=True))
         return tuple(e.subs(put) for e in self.x)
+
+
+def _inner(low: float, high: float) -> float:
+    """A place in an interval, not its middle: that may be special."""
+    ends = [e for e in (low, high) if abs(e) < float("inf")]
+    if len(ends) == 2:
+        return 0.53 * low + 0.47 * high
+    return ends[0] + (1.0 if ends[0] == low else -1.0) if ends else 0.1
 
 
 def _head(found: EquilibriumPoint | EquilibriumSet) -> str:

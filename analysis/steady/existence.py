@@ -15,6 +15,7 @@ from sympy import Expr, Symbol
 from filippov.analysis.algebra.polynomial import plain_exponents
 from filippov.analysis.steady.branches import Family, short
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, PointKind
+from filippov.analysis.steady.interior import inner_point, is_affine
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
 
@@ -179,7 +180,8 @@ class Existence:
         return [self._loose(e) for e in sets]
 
     def _loose(self, found: EquilibriumSet) -> EquilibriumPoint:
-        at = {q: sympy.Float(_between(*pair)) for q, pair in zip(found.free, found.bounds, strict=True)}
+        inner = found.inside or (_between(*pair) for pair in found.bounds)
+        at = {q: sympy.Float(c) for q, c in zip(found.free, inner, strict=True)}
         s_value = (self.number(e.subs(at)) for _, e in found.multipliers)
         return EquilibriumPoint(
             found.mode,
@@ -240,8 +242,13 @@ class Existence:
                 self._set(branch, free, (pair,), open_bounds)
                 for pair in self._intervals(open_bounds, free[0])
             ]
+        inside = inner_point(free, [b.g for b in open_bounds], self.values)
+        if inside is None:
+            if not is_affine(free, [b.g.subs(self.values) for b in open_bounds]):
+                self.searched.update(free)
+            return []
         domain = tuple(self._box(q, open_bounds) for q in free)
-        return [self._set(branch, free, domain, open_bounds)]
+        return [replace(self._set(branch, free, domain, open_bounds), inside=inside)]
 
     def _set(
         self,

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy
@@ -26,16 +26,22 @@ from sympy import Expr
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.polynomial import exact
 from filippov.analysis.local_stability.certificates.certificate import Certificate
+from filippov.analysis.local_stability.certificates.impacts import keep_energy, locally, resetting
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.model.symbols import t as time
 
 SOURCE = "Leine & van de Wouw 2008; Shevitz & Paden 1994"
 
+_EVERY = "every equilibrium is stable by the energy around it"
+
 
 @dataclass(frozen=True)
 class Masses:
-    """The matrices of the masses, in exact numbers; contacts has one row c_i each, friction the k_i."""
+    """The matrices of the masses, in exact numbers; contacts has one row c_i each, friction the k_i.
+
+    places, speeds   the states q and v
+    """
 
     mass: sympy.Matrix
     stiffness: sympy.Matrix
@@ -44,6 +50,8 @@ class Masses:
     contacts: sympy.Matrix
     friction: tuple[Expr, ...]
     surfaces: tuple[int, ...]
+    places: tuple[Expr, ...]
+    speeds: tuple[Expr, ...]
 
 
 def masses(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Certificate | None:
@@ -51,6 +59,22 @@ def masses(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Certif
     parts = of_system(context)
     if parts is None or not parts.surfaces:
         return None
+    walls = resetting(context)
+    if not walls or not keep_energy(context, parts.mass, parts.places, parts.speeds):
+        return locally(context, found, _without_walls(parts, found))
+    certificate = _without_walls(parts, found)
+    if certificate is None or certificate.answer == "unstable":
+        return locally(context, found, certificate)
+    # With impacts what swings without slip may be led to slip, or be kept from what the dampers see.
+    if parts.stiffness.is_positive_definite and parts.contacts.nullspace():
+        near = locally(context, found, certificate)
+        return near or replace(certificate, answer="stable", theorem=_EVERY, reach="local")
+    text = "resets keep the places of the masses and raise no kinetic energy"
+    return replace(certificate, checked=(*certificate.checked, text))
+
+
+def _without_walls(parts: Masses, found: EquilibriumPoint | EquilibriumSet) -> Certificate | None:
+    """The verdict on the masses without what resets them."""
     M, K, C = parts.mass, parts.stiffness, parts.damping
     if not C.is_positive_semidefinite:
         return None
@@ -74,7 +98,7 @@ def _held(parts: Masses, said: list[str]) -> Certificate:
         "the matrix of the springs is symmetric and positive definite (leading minors in exact numbers)"
     )
     slipping = parts.contacts.nullspace()
-    every = "every equilibrium is stable by the energy around it"
+    every = _EVERY
     if slipping:
         N = sympy.Matrix.hstack(*slipping)
         A = (N.T * M * N).inv() * (N.T * K * N)
@@ -172,7 +196,7 @@ def of_system(context: Context) -> Masses | None:
         friction.append(scale)
     if not (K - K.T).is_zero_matrix or not (C - C.T).is_zero_matrix:
         return None
-    return Masses(M, K, C, M * rest, c, tuple(friction), tuple(used))
+    return Masses(M, K, C, M * rest, c, tuple(friction), tuple(used), tuple(q), tuple(v))
 
 
 def _weights(coupled: Sequence[sympy.Matrix], G: sympy.Matrix, c: sympy.Matrix) -> list[Expr] | None:
