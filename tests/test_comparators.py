@@ -261,8 +261,8 @@ COUPLED = System({x: v, v: -x - sign(v) - sign(v - w), y: w, w: -y + sign(v - w)
     [
         (lambda: LOOP.with_comparator(Karnopp(0.1)), "acts on other equations"),
         (lambda: System({x: -sign(x)}).with_comparator(Karnopp(0.1)), "no velocity"),
-        (lambda: COUPLED.with_comparator({"v - w": Karnopp(0.1)}), "holds 2 states"),
-        (lambda: COUPLED.with_comparator(Switch(0.1)), "dh/dt depends on the sign of"),
+        (lambda: COUPLED.with_comparator({"v - w": Karnopp(0.1)}), "dh/dt depends on the sign of"),
+        (lambda: COUPLED.with_comparator({"v": Switch(0.1)}), "dh/dt depends on the sign of"),
         (lambda: System({x: y, y: -sign(x)}).with_comparator(Switch(0.1)), "does not depend on its sign"),
         (lambda: PAIR.with_comparator({"third": Band(1)}), "unknown surface 'third'"),
         (lambda: PAIR.with_comparator({"first": 1}), "comparator is 1"),

@@ -161,26 +161,29 @@ def under(exact: System, name: str, alpha: float = ALPHA) -> Approximation:
     make, stiff = KINDS[name]
     surfaces = _switching(exact)
     without: dict[str, str] = {}
-    for surface in surfaces:
-        try:
-            exact.with_comparator({surface: make(1.0, alpha)})
-        except ModelError as error:
-            without[surface] = str(error)
+    try:  # surfaces that share a rate have one only together
+        exact.with_comparator(dict.fromkeys(surfaces, make(1.0, alpha)))
+    except ModelError as together:
+        for surface in surfaces:
+            try:
+                exact.with_comparator({surface: make(1.0, alpha)})
+            except ModelError as error:
+                without[surface] = str(error)
+        if len(without) == len(surfaces):
+            raise together from None
     able = [surface for surface in surfaces if surface not in without]
-    if not able:
-        raise ModelError(without[surfaces[0]])
-    stick = partial(_stick, name)
     if exact.symbolic is None:
         def build(width: float) -> Built:
             return exact.with_comparator(dict.fromkeys(able, make(width, alpha)))
 
-        return Approximation(name, build, stiff, stick=stick, without=without)
+        return Approximation(name, build, stiff, stick=partial(_stick, name, frozenset()), without=without)
     own = [_fresh(word, exact) for word in ("width", "alpha")]
     p = parameters(**{
         own[0]: Parameter(1e-3, lower=SMALLEST, description=f"half-width of {name}"),
         own[1]: Parameter(alpha, lower=0, description="rate towards the surface"),
     })  # fmt: skip
     made = exact.with_comparator(dict.fromkeys(able, make(p[own[0]], p[own[1]])))
+    stick = partial(_stick, name, frozenset(q.name for q in made.surfaces))
     return Approximation(name, lambda width: (made, {own[0]: width}), stiff, stick=stick, without=without)
 
 
@@ -198,15 +201,32 @@ def _fresh(word: str, system: System) -> str:
     return word
 
 
-def _stick(name: str, surface: str) -> BandModel:
-    """How stays in stick under a comparator are read."""
+def _stick(name: str, surfaces: frozenset[str], surface: str) -> BandModel:
+    """How stays in stick under a comparator with these surfaces are read."""
     def unused(width: float) -> System:
         raise NotImplementedError
 
     edges = {f"{surface}:upper": "-", f"{surface}:lower": "+"}
     if name in ("switch", "karnopp"):
-        return BandModel(name, unused, edges | {f"{surface}:down": "-", f"{surface}:up": "+"})
+        others = [q.rpartition(":")[0] for q in surfaces if q.endswith(":upper") and q != f"{surface}:upper"]
+        modes = (mode for other in others for mode in _beside(surface, other))
+        beside = [edges | mode for mode in modes if mode.keys() <= surfaces]
+        alone = {f"{surface}:down": "-", f"{surface}:up": "+"}
+        return BandModel(name, unused, beside or edges | alone)
     if name == "band":
         return BandModel(name, unused, edges, attracted=True)
     return BandModel(name, unused, reach=SMOOTH_REACH if name in ("tanh", "arctan", "sqrt") else 1.0)
 
+
+
+def _beside(surface: str, other: str) -> list[dict[str, str]]:
+    """The modes of stick within a band that shares its rate with another: above, within, below that one."""
+    places = {
+        "+": {f"{other}:upper": "+"},
+        "0": {f"{other}:upper": "-", f"{other}:lower": "+"},
+        "-": {f"{other}:lower": "-"},
+    }
+    return [
+        place | {f"{surface}:down {other}{mark}": "-", f"{surface}:up {other}{mark}": "+"}
+        for mark, place in places.items()
+    ]

@@ -45,7 +45,8 @@ class BandModel:
     name      as it is to appear in the table
     build     (width, **option) -> System with the states of the exact one, or (System, parameter values),
               which saves making the same system for every width
-    stick     mode of stick by its own surfaces: {"band upper": "-", "band lower": "+"}; None: by layer
+    stick     mode of stick by its own surfaces: {"band upper": "-", "band lower": "+"}, or several of these,
+              in any of which it sticks; None: by layer
     options   further arguments of `build` with the values to try: {"alpha": (10, 100)}, all combinations
     reach     by layer: half-width of the layer over `width`
     attracted with `stick`: whether the exact system must also be attracted to the surface at the entry
@@ -55,18 +56,24 @@ class BandModel:
 
     name: str
     build: Callable[..., System | tuple[System, Mapping[str, float]]]
-    stick: Mapping[str, str] | None = field(default=None, hash=False)
+    stick: Mapping[str, str] | Sequence[Mapping[str, str]] | None = field(default=None, hash=False)
     options: Mapping[str, Sequence[float]] = field(default_factory=dict, hash=False)
     reach: float = 1.0
     attracted: bool = False
 
     def __post_init__(self) -> None:
-        for surface, sign in (self.stick or {}).items():
+        for surface, sign in (item for mode in self.modes() for item in mode.items()):
             if sign not in _SIGNS:
                 raise UsageError(
                     f"{self.name}: stick has {sign!r} for surface {surface!r}, expected '+' or '-'. Leave "
                     "out the surfaces that do not matter."
                 )
+
+    def modes(self) -> tuple[Mapping[str, str], ...]:
+        """The modes of stick by its own surfaces."""
+        if self.stick is None:
+            return ()
+        return (self.stick,) if isinstance(self.stick, Mapping) else tuple(self.stick)
 
     def variants(self) -> Iterator[dict[str, float]]:
         """Every combination of the options."""
@@ -113,14 +120,16 @@ class Reader:
         if model.stick is None:
             return self._by_layer(solution, model.reach * width)
         names = [surface.name for surface in solution.problem.system.surfaces]
-        for name in model.stick:
+        for name in (name for mode in model.modes() for name in mode):
             if name not in names:
                 raise UsageError(f"{model.name}: {unknown('surface', name, names)}")
-        wanted = [(names.index(name), _SIGNS[sign]) for name, sign in model.stick.items()]
+        wanted = [
+            [(names.index(name), _SIGNS[sign]) for name, sign in mode.items()] for mode in model.modes()
+        ]
         last = [False]  # an entry decides for the whole stay in the layer
 
         def sticks(mode: tuple[int, ...], t: float, x: Array) -> bool:
-            inside = all(mode[i] in signs for i, signs in wanted)
+            inside = any(all(mode[i] in signs for i, signs in one) for one in wanted)
             last[0] = inside and (not model.attracted or last[0] or self.attraction(t, x) > 0)
             return last[0]
 

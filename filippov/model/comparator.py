@@ -101,7 +101,9 @@ class Switch(_Checked):
 
     L(s) is dh/dt at the sign s and |h| = 0; [lo, hi] is the set of the surface, its static levels. The
     surfaces are NAME:upper (h - eta), NAME:lower (h + eta), NAME:down (-L(lo)) and NAME:up (-L(hi)).
-    eta, the half-width; alpha >= 0 [1/time]. Source: Leine 2000, after Karnopp 1985.
+    eta, the half-width; alpha >= 0 [1/time]. Source: Leine 2000, after Karnopp 1985. Two surfaces may act on
+    each other's rate (`filippov.model.comparators.coupled_bands`): within both bands their signs are those of
+    the stick of the two, and the levels are NAME:down OTHER+ and so on, for each side of the other.
 
     balance   "at rest": the tests take L at h = 0, if h holds one state, linearly; "in motion": at the actual
               h, as damping in the balance requires: its level may then be slid on, in short successive sticks
@@ -124,8 +126,10 @@ class Karnopp(_Checked):
 
     Like `Switch`, with every other equation, and the balance L(lo) >= 0 >= L(hi) of the stick, taken at that
     velocity: nothing drifts in stick. Its own state goes there with dh/dt = -alpha h, or stays with alpha =
-    0, Karnopp's own form. h must hold one state, linearly, that another state's equation holds (a velocity),
-    and its sign must act on the equation of that state alone. Source: Karnopp 1985.
+    0, Karnopp's own form. h must be a velocity, a state that another state's equation holds, linearly, or one
+    body's velocity against another's, v - w; its sign must act on the equations of these alone. Velocities
+    go to h = 0 along what the sign does, so that those of two bodies keep their momentum. Source: Karnopp
+    1985.
     """
 
     DV: Any

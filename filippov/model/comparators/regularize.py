@@ -11,6 +11,7 @@ from sympy import Expr, Symbol
 from filippov.base.errors import ModelError
 from filippov.base.symbolic_value import is_expression
 from filippov.model.comparator import Band, Comparator, Exact, Hysteresis, Karnopp, Smooth, Switch, numbers_of
+from filippov.model.comparators.coupled_bands import CoupledBands, coupled
 from filippov.model.comparators.stick_band import UNIT, NewSurfaces, StickBand, kink
 from filippov.model.parameter_symbol import ParameterSymbol
 from filippov.model.surface import Surface
@@ -66,10 +67,12 @@ def regularize_symbolic(
         else:
             values[s] = even[s] = shaped(own, h, w)
     field = [convex(f, free) if free else f for f in form.field]
-    for band in bands:
-        band.add_rates(new, lambda e: evened(e, form, surfaces, even))
-    for band in bands:
-        field = band.put_into(field)
+    alone, pairs = coupled(bands)
+    groups: list[StickBand | CoupledBands] = [*alone, *pairs]
+    for group in groups:
+        group.add_rates(new, lambda e: evened(e, form, surfaces, even))
+    for group in groups:
+        field = group.put_into(field)
     last = new.final()
     field = [f.xreplace(values).xreplace(last) for f in field]
     values = {q: e.xreplace(last) for q, e in values.items()}

@@ -9,7 +9,9 @@
 The tests of L take it at h = 0 where h holds one state, linearly, unless Switch asks for the balance in
 motion: that one changes with h alone, and its zeros may be slid on. |h| is measured from the edges beyond
 the band, where the field is smooth, and 0 within it. In Karnopp's model everything within the band is taken
-at the velocity of h = 0, and only its own state has the h that it has.
+at the velocity of h = 0, and only its own state has the h that it has; a relative velocity of two bodies is
+brought to 0 along what its sign does, as the impulse of a stick would. Bands that share a rate are in
+`filippov.model.comparators.coupled_bands`.
 """
 
 from __future__ import annotations
@@ -99,7 +101,7 @@ class StickBand:
         own_state = [] if self.state is None else [form.x[self.state]]
         on = {x: x - self.h / self.h.diff(x) for x in own_state}
         if isinstance(own, Karnopp):
-            self._check_velocity(len(held))
+            on = self._velocity(held)
             self.at |= on
         self.rate = self._rate()
         at_rest = isinstance(own, Karnopp) or own.balance == BALANCES[0]
@@ -135,22 +137,28 @@ class StickBand:
                 rate += slope * convex(f, {self.s}).xreplace(self.at)
         return rate
 
-    def _check_velocity(self, held: int) -> None:
-        """Raise ModelError where h is not the velocity of a body, up to a factor."""
-        if self.state is None:
-            raise ModelError(
-                f"{self.name}: h = {self.surface.h} holds {held} states, expected one, linearly: the "
-                f"velocity of a body. {OTHERS}"
-            )
-        x = self.form.x[self.state]
-        others = [f for k, f in enumerate(self.equations) if k != self.state]
+    def _velocity(self, held: list[int]) -> dict[Symbol, Expr]:
+        """The states at h = 0; ModelError where h is no velocity of a body, or of one against another."""
+        others = [f for k, f in enumerate(self.equations) if k not in held]
         if any(f.has(self.s) for f in others):
+            names = " or ".join(self.form.x[k].name for k in held)
             raise ModelError(
-                f"{self.name}: its sign acts on other equations than that of {x}, so there is no balance of "
-                f"forces to take. {OTHERS}"
+                f"{self.name}: its sign acts on other equations than that of {names}, so there is no balance "
+                f"of forces to take. {OTHERS}"
             )
-        if not any(f.has(x) for f in others):
-            raise ModelError(f"{self.name}: no other equation holds {x}, so it is no velocity. {OTHERS}")
+        effect = [convex(f, {self.s}).xreplace(self.at).diff(self.s) for f in self.equations]
+        gradient = [self.h.diff(x) for x in self.form.x]
+        lost = moved_onto([self.h], [gradient], [effect], self.form.p)
+        if not lost:
+            raise ModelError(
+                f"{self.name}: h = {self.surface.h} holds {len(held)} states, expected the velocity of a "
+                "body or of one against another: linear in the states, and its sign divided between their "
+                f"equations in a ratio that no state changes. {OTHERS}"
+            )
+        for x, less in zip(self.form.x, lost, strict=True):
+            if less != 0 and not any(f.has(x) for f in others):
+                raise ModelError(f"{self.name}: no other equation holds {x}, so it is no velocity. {OTHERS}")
+        return {x: x - less for x, less in zip(self.form.x, lost, strict=True) if less != 0}
 
     def add_rates(self, new: NewSurfaces, even: Callable[[Expr], Expr]) -> None:
         """Add the surfaces on which the static levels are reached; `even` puts in the other signs."""
@@ -198,3 +206,16 @@ class StickBand:
         if effect.has(self.s):
             return within.xreplace({self.s: -rest / self.slope})
         return within.xreplace({self.s: sympy.S.Zero}) - effect / self.slope * rest
+
+
+def moved_onto(
+    h: Sequence[Expr], gradients: Sequence[Sequence[Expr]], effects: Sequence[Sequence[Expr]],
+    p: Sequence[Symbol],
+) -> list[Expr]:  # fmt: skip
+    """What each state loses on the way to h = 0 along the effects; [] where that way depends on the state."""
+    rows, columns = sympy.Matrix(gradients), sympy.Matrix(effects).T
+    slope = rows * columns
+    if rows.free_symbols - set(p) or sympy.simplify(slope.det()) == 0:
+        return []
+    share = (columns * slope.inv()).applyfunc(sympy.cancel)
+    return [] if share.free_symbols - set(p) else list(share * sympy.Matrix(h))
