@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ from filippov.analysis.programs.naive_run import NaiveRun, run_naively
 from filippov.analysis.programs.notes import Memory, ReadingError
 from filippov.analysis.programs.reader import Reading, read_program
 from filippov.analysis.programs.source import source_of
-from filippov.analysis.programs.translation import Translation, translate
+from filippov.analysis.programs.translation import Translation, going_on, translate
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.escape import printable
 from filippov.base.given import Count, NonNegative, Positive
@@ -211,12 +211,14 @@ def diagnose(
     found = switches(translation, None, corners) if translation else ()
     solution = None
     if translation is not None and (found or translation.clocks):
-        solution = solve(translation.system, translation.x0, span)
+        solution = solve(translation.system, translation.x0, span, zeno="continue")
         found = switches(translation, solution, corners)
         if memories:
             findings += _replayed(f, args, reading, solution, translation)
             _put_back(memories)
         findings += in_run(run, solution, translation, found)
+        if solution.accumulations:  # as the code is to run it, too
+            translation = replace(translation, code=going_on(translation.code))
         findings += _at_start(f, args, solution, translation, found)
     elif run.ended:
         findings += [early(run), *(singular(run, translation) if translation else ())]

@@ -36,6 +36,9 @@ _TAKEN = {
 }  # fmt: skip
 
 
+LAST = ")\n"  # behind the call of solve, the last one in a text
+
+
 @dataclass(frozen=True)
 class Translation:
     """The System of a program.
@@ -283,6 +286,11 @@ def _code(
         *([f"from sympy import {', '.join(more)}"] if more else []),
     ]
     return "\n".join([*head, "", body]) + "\n"
+
+
+def going_on(code: str) -> str:
+    """The text of a program whose events accumulate, to run beyond them."""
+    return f"{code.removesuffix(LAST)}, zeno='continue'{LAST}"
 
 
 def _tuple(values: tuple[float, ...]) -> str:
