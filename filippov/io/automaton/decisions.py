@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from filippov.io.automaton.method import EPS
-from filippov.io.automaton.values import CLEAR, NEAR_FOLD, NO_RATE, SHORTEST, AtState, Refusal, rate
+from filippov.io.automaton.method import EPS, Step
+from filippov.io.automaton.values import CLEAR, NEAR_FOLD, NO_RATE, SHORTEST, AtState, Refusal, rate, sign_of
 
 
 class Decisions(AtState):
@@ -36,7 +36,10 @@ class Decisions(AtState):
         parts = [self.model.COMPONENT[i] for i in reached]
         if len(set(parts)) < len(parts):
             raise Refusal("corner", f"the state lies on coupled surfaces: {self.named(reached)}.")
+        kinks = [i for i in reached if self.model.ROLE[i] == "kink"]
         for i in reached:
+            if i in kinks:
+                continue
             upper, lower, size = self.at_ends(i, self.t, self.x)
             clear = CLEAR * size
             slides = self.model.ROLE[i] == "switching" and self.model.WIDTH[i] == 0
@@ -47,6 +50,58 @@ class Decisions(AtState):
             else:
                 said = f"the state starts tangent to surface {self.named([i])}, or leaves it both ways."
                 raise Refusal("tangency", said)
+        for i in kinks:  # what holds the state is known now
+            self.decide_kink(i)
+
+    def decide_kink(self, i: int, stayed: bool = False) -> None:
+        """The side of a kink on which the solution goes on; or it stays on it, as at rest, until an event.
+
+        The field is the same on both sides of a kink, and what counts is where h goes. Where it has stayed,
+        the rate that the end of a slide leaves is that of rounding, and says nothing by itself.
+        """
+        held = self.m[i]
+        ways = []
+        for side in (1, -1):
+            self.m[i] = side
+            row, f = self.gradients(self.t, self.x)[i], self.velocity(self.t, self.x)
+            size = abs(row[-1]) + sum(abs(g * v) for g, v in zip(row[:-1], f, strict=True))
+            here = rate(row, f)
+            if stayed:
+                ways.append(self.way_off(i))
+            elif abs(here) > CLEAR * size:
+                ways.append((sign_of(here), 1))
+            elif abs(here) > NO_RATE * size and not self.at_rest(i, self.t, self.x, here):
+                ways.append((0.0, 0))
+            else:
+                ways.append(self.way_off(i))
+        if ways[0] != ways[1] or ways[0] == (0.0, 0):
+            said = f"the solution goes on tangent to surface {self.named([i])}, or leaves it both ways."
+            raise Refusal("tangency", said)
+        side, order = int(ways[0][0]), ways[0][1]
+        self.m[i], self.order[i], self.still[i] = side or held or 1, max(order, 0), side == 0
+
+    def way_off(self, i: int) -> tuple[float, int]:
+        """The sign that h_i gets where its rate is 0, and its first power of time: (0, -1) if it stays 0."""
+        stays, last = True, None  # the same at two lengths: one that is too long has some power by chance
+        length = self.length or 1e-3
+        for part in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5):
+            try:
+                ends = [Step(self.velocity, self.t, self.x, q * part * length).end for q in (1.0, 0.5)]
+                whole, half = (
+                    self.model.guards(self.t + q * part * length, end, self.p, self.m)[i]
+                    for q, end in zip((1.0, 0.5), ends, strict=True)
+                )
+            except (ArithmeticError, ValueError, Refusal):  # too long a step
+                stays = False
+                continue
+            stays = stays and self.at_rest(i, self.t, ends[0], whole)
+            if whole * half > 0 and not self.at_rest(i, self.t, ends[1], half):
+                power = math.log2(whole / half)
+                found = (sign_of(whole), round(power)) if abs(power - round(power)) < 0.02 else None
+                if found is not None and found == last and 0 < found[1] < 6:
+                    return found
+                last = found
+        return 0.0, -1 if stays else 0
 
     def enter(self, i: int) -> None:
         """Begin to slide on a surface."""
@@ -75,6 +130,7 @@ class Decisions(AtState):
         for i, sign in enumerate(before):
             if i == but:
                 continue
+            self.still[i] = False
             width = self.model.WIDTH[i]
             beyond = width > 0 and sign * h[i] + width <= 0
             if width == 0 and abs(h[i]) <= self.noise(i, self.t, self.x):

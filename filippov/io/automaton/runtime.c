@@ -45,6 +45,7 @@ typedef void (*EventHandler)(double t, const char *surface, const char *kind, co
 typedef struct {
     double t, first, x[N], p[P], rtol, atol, length, last, since[M], widest[M], clocks[CLOCKS][TIMES];
     int m[M], order[M], crowd, status, surface;
+    int still[M]; /* kinks that the state stays on until the next event: h is not watched, and has to stay 0 */
     long room;
     EventHandler handler;
     void *user;
@@ -239,6 +240,85 @@ static void enter(Run *r, int i) {
     r->widest[i] = fabs(lower - upper);
 }
 
+static int make_step(Run *r, double t, const double *x, double length, Step *q);
+
+/* Whether h_i = value is that of a kink on which the state stays. */
+static int at_rest(Run *r, int i, double t, const double *x, double value) {
+    return fabs(value) <= 64 * noise(r, i, t, x) + 1e-3 * r->atol;
+}
+
+/* The sign that h_i gets where its rate is 0, and its first power of time: 0 and -1 if it stays 0. */
+static int way_off(Run *r, int i, int *order) {
+    double length = r->length > 0 ? r->length : 1e-3, part = 1;
+    int stays = 1, last = 0; /* the same at two lengths: one that is too long has some power by chance */
+    for (int again = 0; again < 5; again++) {
+        double h[2][M], power;
+        Step q[2];
+        int code = 0;
+        part *= 0.1;
+        for (int k = 0; k < 2 && !code; k++) {
+            double step = (k ? 0.5 : 1) * part * length;
+            code = make_step(r, r->t, r->x, step, &q[k]);
+            if (!code) guards(r->t + step, q[k].end, r->p, r->m, h[k]);
+        }
+        if (code) { /* too long a step */
+            stays = 0;
+            continue;
+        }
+        stays = stays && at_rest(r, i, r->t, q[0].end, h[0][i]);
+        if (!(h[0][i] * h[1][i] > 0) || at_rest(r, i, r->t, q[1].end, h[1][i])) continue;
+        power = log2(h[0][i] / h[1][i]);
+        *order = fabs(power - floor(power + 0.5)) < 0.02 && power > 0.5 && power < 5.5 ? (int)floor(power + 0.5) : 0;
+        if (h[0][i] < 0) *order = -*order;
+        if (*order && *order == last) {
+            *order = abs(*order);
+            return last > 0 ? 1 : -1;
+        }
+        last = *order;
+    }
+    *order = stays ? -1 : 0;
+    return 0;
+}
+
+/* The side of a kink on which the solution goes on; or it stays on it, as at rest, until an event. The field is the
+   same on both sides. Where it has stayed, the rate that the end of a slide leaves says nothing by itself. */
+static void decide_kink(Run *r, int i, int stayed) {
+    int held = r->m[i], way[2], order[2];
+    for (int k = 0; k < 2; k++) {
+        double g[M][N + 1], f[N], here, size;
+        int code;
+        r->m[i] = k ? -1 : 1;
+        gradients(r->t, r->x, r->p, r->m, g);
+        code = velocity(r, r->t, r->x, f);
+        if (code) refuse(r, code, i);
+        here = rate(g[i], f);
+        size = terms(g[i], f);
+        if (!stayed && fabs(here) > CLEAR * size) {
+            way[k] = here > 0 ? 1 : -1;
+            order[k] = 1;
+        } else if (!stayed && fabs(here) > NO_RATE * size && !at_rest(r, i, r->t, r->x, here)) {
+            way[k] = order[k] = 0;
+        } else {
+            way[k] = way_off(r, i, &order[k]);
+        }
+    }
+    if (way[0] != way[1] || order[0] != order[1] || (!way[0] && !order[0])) refuse(r, TANGENCY, i);
+    r->m[i] = way[0] ? way[0] : held ? held : 1;
+    r->order[i] = order[0] > 0 ? order[0] : 0;
+    r->still[i] = way[0] == 0;
+}
+
+/* Behind an event: where the kinks that the solution has stayed on are left to; crossed: those that change sides. */
+static void leave_kinks(Run *r, int *crossed) {
+    for (int i = 0; i < SURFACES; i++) {
+        int before = r->m[i];
+        crossed[i] = 0;
+        if (!r->still[i]) continue;
+        decide_kink(r, i, 1);
+        crossed[i] = r->m[i] != before;
+    }
+}
+
 /* The signs of surfaces that the state lies on, by the rates of h on both sides. */
 static void decide_on(Run *r, const int *met) {
     for (int i = 0; i < SURFACES; i++)
@@ -246,7 +326,7 @@ static void decide_on(Run *r, const int *met) {
             if (met[i] && met[j] && COMPONENT[i] == COMPONENT[j]) refuse(r, CORNER, i);
     for (int i = 0; i < SURFACES; i++) {
         double upper, lower, clear;
-        if (!met[i]) continue;
+        if (!met[i] || ROLE[i] == KINK) continue;
         clear = CLEAR * at_ends(r, i, r->t, r->x, &upper, &lower);
         if (ROLE[i] == SWITCHING && WIDTH[i] == 0 && upper < -clear && lower > clear) {
             enter(r, i);
@@ -257,6 +337,8 @@ static void decide_on(Run *r, const int *met) {
             refuse(r, TANGENCY, i);
         }
     }
+    for (int i = 0; i < SURFACES; i++) /* what holds the state is known now */
+        if (met[i] && ROLE[i] == KINK) decide_kink(r, i, 0);
 }
 
 static void start(Run *r) {
@@ -282,6 +364,7 @@ static void after_jump(Run *r, const int *before, int but) {
     guards(r->t, r->x, r->p, held, h);
     for (int i = 0; i < SURFACES; i++) {
         if (i == but) continue;
+        r->still[i] = 0;
         if (WIDTH[i] == 0 && fabs(h[i]) <= noise(r, i, r->t, r->x)) {
             if (RESET_FROM[i]) refuse(r, CORNER, i);
             met[i] = 1;
@@ -459,6 +542,7 @@ static void values(Run *r, double t, const double *x, double out[M][3]) {
     for (int i = 0; i < SURFACES; i++) {
         double upper, lower;
         out[i][0] = out[i][1] = out[i][2] = NAN;
+        if (r->still[i]) continue;
         if (r->m[i]) {
             out[i][WATCH_H] = r->m[i] * h[i] + WIDTH[i];
             continue;
@@ -470,6 +554,7 @@ static void values(Run *r, double t, const double *x, double out[M][3]) {
 }
 
 static int is_watched(const Run *r, int i, int what) {
+    if (r->still[i]) return 0;
     if (r->m[i]) return what == WATCH_H;
     return what == WATCH_UPPER ? CONTACT[i] >= 0 : what == WATCH_LOWER && CONTACT[i] <= 0;
 }
@@ -670,14 +755,21 @@ static void land(Run *r, const Step *q, int i, int what, double where, double sl
     for (int j = 0; j < SURFACES; j++)
         for (int w = 0; w < 3; w++) {
             double x[N];
-            int before[M];
+            int before[M], crossed[M];
             const char *kind;
             if (!(together[j] & 1 << w)) continue;
             memcpy(before, r->m, sizeof before);
             memcpy(x, r->x, sizeof x);
             kind = w == WATCH_H ? reach(r, j) : leave(r, j, w, count == 1 ? slope : -INFINITY);
-            if (w == WATCH_H && !strcmp(kind, "reset")) record_jump(r, before, x, j);
-            else record(r, SURFACE_NAMES[j], kind, before, x);
+            leave_kinks(r, crossed);
+            if (w == WATCH_H && !strcmp(kind, "reset")) {
+                record_jump(r, before, x, j);
+                continue;
+            }
+            for (int l = 0; l < SURFACES; l++) {
+                if (l == j) record(r, SURFACE_NAMES[j], kind, before, x);
+                else if (crossed[l]) record(r, SURFACE_NAMES[l], "crossing", before, x);
+            }
         }
 }
 
@@ -699,16 +791,25 @@ static double clock_after(const Run *r, int k, double t) {
 static void strike_clocks(Run *r) {
     for (int k = 0; k < CLOCK_COUNT; k++) {
         double x[N];
-        int before[M];
+        int before[M], crossed[M];
         if (clock_after(r, k, r->t - 2 * same(r)) > r->t + same(r)) continue;
         memcpy(before, r->m, sizeof before);
         memcpy(x, r->x, sizeof x);
         strike(k, r->t, x, r->p, r->m, r->x);
         check_finite(r, -1);
         if (memcmp(x, r->x, sizeof x)) after_jump(r, before, -1);
+        leave_kinks(r, crossed);
         record_jump(r, before, x, -1);
         record(r, CLOCK_NAMES[k], "time event", before, x);
     }
+}
+
+/* Refuses a kink that the solution was to stay on until an event, and has left. */
+static void check_still(Run *r) {
+    double h[M];
+    guards(r->t, r->x, r->p, r->m, h);
+    for (int i = 0; i < SURFACES; i++)
+        if (r->still[i] && !at_rest(r, i, r->t, r->x, h[i])) refuse(r, TANGENCY, i);
 }
 
 /* One step, to an event, to the next instant of a clock, or to t_end at most. */
@@ -728,6 +829,7 @@ static void move(Run *r, double t_end) {
         r->t = goal - r->t - q.length <= 4 * EPS * fabs(goal) ? goal : r->t + q.length;
         for (int i = 0; i < M; i++) r->order[i] = 0;
         project(r);
+        check_still(r);
     } else {
         r->t = goal;
     }

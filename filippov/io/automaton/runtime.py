@@ -66,7 +66,7 @@ class Automaton(Decisions):
             )
         super().__init__(model, x0, t0, parameters)
         self.first, self.rtol, self.atol, self.room = float(t0), rtol, atol, max_steps
-        self.length, self.crowd, self.last = 0.0, 0, -math.inf
+        self.crowd, self.last = 0, -math.inf
         self.clocks = model.clocks(self.p)
         self.result = Result()
         try:
@@ -98,6 +98,7 @@ class Automaton(Decisions):
             self.t = goal if goal - self.t - step.length <= 4 * EPS * abs(goal) else self.t + step.length
             self.order = [0] * len(self.m)
             self.project()
+            self.check_still()
         else:
             self.t = goal
         if self.t == due:
@@ -159,6 +160,8 @@ class Automaton(Decisions):
         h = self.model.guards(t, x, self.p, self.m)
         out = {}
         for i, sign in enumerate(self.m):
+            if self.still[i]:
+                continue
             if sign:
                 out[i, "h"] = sign * h[i] + self.model.WIDTH[i]
                 continue
@@ -246,9 +249,27 @@ class Automaton(Decisions):
             before = tuple(self.m)
             reached = tuple(self.x)
             kind = self.reach(j) if which == "h" else self.leave(j, which, slope if alone else -math.inf)
-            others = self.passed(before, j) if kind == "reset" else []
+            freed = self.leave_kinks()
+            others = self.passed(before, j) if kind == "reset" else freed
             for i, told in sorted([(j, kind), *others]):
                 self.record(self.model.SURFACES[i], told, before, reached)
+
+    def check_still(self) -> None:
+        """Refuse a kink that the solution was to stay on until an event, and has left."""
+        h = self.model.guards(self.t, self.x, self.p, self.m)
+        for i, still in enumerate(self.still):
+            if still and not self.at_rest(i, self.t, self.x, h[i]):
+                raise Refusal("tangency", f"the solution leaves surface {self.named([i])} along it.")
+
+    def leave_kinks(self) -> list[tuple[int, str]]:
+        """Behind an event: where the kinks that the solution has stayed on are left to, with crossings."""
+        crossed = []
+        for i in [i for i, still in enumerate(self.still) if still]:
+            before = self.m[i]
+            self.decide_kink(i, True)
+            if self.m[i] != before:
+                crossed.append((i, "crossing"))
+        return crossed
 
     def tiny(self, key: tuple[int, str], t: float, x: Sequence[float]) -> float:
         """What is 0 of a watched function at an event."""
@@ -289,6 +310,7 @@ class Automaton(Decisions):
                 raise Refusal("not_finite", f"the reset of clock {clock.name!r} gives no finite state.")
             if tuple(self.x) != reached:
                 self.after_jump(before)
+            self.leave_kinks()
             for i, kind in self.passed(before):
                 self.record(self.model.SURFACES[i], kind, before, reached)
             self.record(clock.name, "time event", before, reached)

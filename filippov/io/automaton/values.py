@@ -109,6 +109,9 @@ class AtState:
         # difference of rates of a slide.
         self.order = [0] * len(self.m)
         self.since, self.widest = [self.t] * len(self.m), [0.0] * len(self.m)
+        # Kinks on which the state stays until the next event: their h is not watched, and has to stay 0.
+        self.still = [False] * len(self.m)
+        self.length, self.atol = 0.0, 1e-12  # of the next step, 0 at the start
 
     def sliding(self) -> list[int]:
         """The surfaces that the solution slides on."""
@@ -178,6 +181,10 @@ class AtState:
         terms = abs(row[-1] * t) + sum(abs(g * v) for g, v in zip(row[:-1], x, strict=True))
         held = [sign or 1 for sign in self.m]
         return 8 * EPS * terms + INSTANT * abs(t * rate(row, self.model.field(t, x, self.p, held, self.m)))
+
+    def at_rest(self, i: int, t: float, x: Sequence[float], value: float) -> bool:
+        """Whether h_i = value is that of a kink on which the state stays."""
+        return abs(value) <= 64 * self.noise(i, t, x) + 1e-3 * self.atol
 
     def coupled(self, i: int) -> list[int]:
         """The surfaces that the solution slides on and whose signs have to do with surface i."""
