@@ -67,9 +67,12 @@ def model_text(
         "",
         f"enum {{ N = {n}, SURFACES = {m}, M = {max(m, 1)}, PARAMETERS = {count}, P = {max(count, 1)},",
         f"       CLOCK_COUNT = {clocks}, CLOCKS = {max(clocks, 1)}, TIMES = {room},",
-        f"       AFFINE = {int(eq.affine)} }};",
+        f"       AFFINE = {int(eq.affine)}, OUTPUTS = {len(eq.outputs)} }};",
         _array("char *const", "STATE_NAMES[N]", map(c_string, system.states)),
         _array("char *const", "SURFACE_NAMES[M]", map(c_string, system.surface_names), '""'),
+        _array(
+            "char *const", f"OUTPUT_NAMES[{max(len(eq.outputs), 1)}]", map(c_string, system.outputs), '""'
+        ),
         _array("char *const", "PARAMETER_NAMES[P]", map(c_string, system.parameters.names), '""'),
         _array("char *const", "CLOCK_NAMES[CLOCKS]", (c_string(q.name) for q in system.time_events), '""'),
         _array("double", "X0[N]", map(_number, x0 if x0 is not None else [math.nan] * n)),
@@ -90,6 +93,9 @@ def model_text(
     rows = [e for row in eq.gradients for e in row]
     lines += _function(
         eq, f"gradients({state}, const int *m, double out[M][N + 1])", "out[0][{}]", rows, n + 1
+    )
+    lines += _function(
+        eq, f"output_values({state}, const double *s, const int *m, double *out)", "out[{}]", eq.outputs
     )
     lines += _function(
         eq, f"ends({state}, double out[M][2])", "out[0][{}]", [e for q in eq.ends for e in q], 2

@@ -15,9 +15,10 @@ from sympy import Expr, Symbol
 from filippov.base.errors import ModelError
 from filippov.kernel.codegen.generate import filled, jointly_affine, sizes_used, structure, total_gradients
 from filippov.kernel.codegen.generate_resets import contact_field, contact_guards, contact_rows
-from filippov.model.symbolic import SymbolicForm
+from filippov.model.symbolic import Select, SymbolicForm, convex
 from filippov.model.symbols import t
 from filippov.model.system import System
+from filippov.solving.expressions import read_with_signs
 
 _SIDES = {"+": 1, "-": -1, "both": 2}
 
@@ -33,6 +34,7 @@ class Equations:
     resets      per surface the states after its reset, or None; strikes: per time event likewise
     component   the number of its group of coupled surfaces, for every surface
     affine      the field is a constant plus a sum of terms in one sign each
+    outputs     one per output of the system; a sign in it is the multiplier where the mode is 0
     """
 
     system: System
@@ -46,6 +48,7 @@ class Equations:
     strikes: tuple[tuple[Expr, ...] | None, ...]
     component: tuple[int, ...]
     affine: bool
+    outputs: tuple[Expr, ...]
 
     @property
     def widths(self) -> tuple[float, ...]:
@@ -92,7 +95,21 @@ def equations(system: System) -> Equations:
         system, form, modes, tuple(field), tuple(contact_guards(form, modes)),
         tuple(tuple(row) for row in rows), form.radius, form.reset or none, form.time_reset,
         tuple(structure(form, field, filled(rows)).components()), jointly_affine(form),
+        tuple(_at_any_sign(read_with_signs(system, e), form, modes) for e in system.outputs.values()),
     )  # fmt: skip
+
+
+def _at_any_sign(f: Expr, form: SymbolicForm, modes: Sequence[Symbol]) -> Expr:
+    """An expression whose choices by a sign are the mean of both where that sign is a multiplier, in mode 0.
+
+    Elsewhere the other branch is not evaluated: it may have no value there.
+    """
+    if not f.has(Select):
+        return f
+    f = f.func(*(_at_any_sign(arg, form, modes) for arg in f.args))
+    if isinstance(f, Select) and f.args[0] in form.s:
+        return Select(modes[form.s.index(f.args[0])] ** 2, f, convex(f, {f.args[0]}))
+    return f
 
 
 def names_of(form: SymbolicForm, modes: Sequence[Symbol], first: int = 0) -> dict[Symbol, str]:

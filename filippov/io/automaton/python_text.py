@@ -19,8 +19,9 @@ HEADER = '''"""The exact automaton of a system, written by `filippov export`. It
 
     result = run(x0, (t0, t1), parameters={"NAME": value})
 
-gives `result.t`, `result.x`, `result.modes`, `result.events`, and `result.status`: "success", or the name of
-what the automaton does not decide (corner, tangency, two-fold, non_unique, zeno, ...); the run ends there.
+gives `result.t`, `result.x`, `result.modes`, `result.outputs` (a list a name), `result.events`, and
+`result.status`: "success", or the name of what the automaton does not decide (corner, tangency, two-fold,
+non_unique, zeno, ...); the run ends there.
 """
 
 from __future__ import annotations
@@ -94,6 +95,7 @@ def model_text(
         f"    STATES = {tuple(system.states)!r}",
         f"    PARAMETERS = {bounds!r}".replace("inf", "math.inf"),
         f"    SURFACES = {tuple(system.surface_names)!r}",
+        f"    OUTPUTS = {tuple(system.outputs)!r}",
         f"    ROLE = {tuple(str(q.kind) for q in system.surfaces)!r}",
         f"    WIDTH = {eq.widths!r}",
         f"    RESET_FROM = {eq.reset_from!r}",
@@ -108,6 +110,7 @@ def model_text(
     lines += _function(eq, "guards", f"{state}, m: Sequence[int]", eq.guards)
     lines += _function(eq, "gradients", f"{state}, m: Sequence[int]", *eq.gradients, rows=True)
     lines += _function(eq, "ends", state, *eq.ends, rows=True)
+    lines += _function(eq, "outputs", f"{state}, s: Sequence[float], m: Sequence[int]", eq.outputs)
     signs = dict(zip(eq.form.s, eq.modes, strict=True))
     for name, tables in (("reset", eq.resets), ("strike", eq.strikes)):
         lines += _head(name, f"i: int, {state}, m: Sequence[int]", "list[float]")

@@ -136,12 +136,14 @@ static void signs(const int *m, double other, double *s) {
     for (int i = 0; i < M; i++) s[i] = m[i] ? m[i] : other;
 }
 
-/* The field of the mode: while sliding, the combination of the fields of both sides with dh/dt = 0. A status. */
-static int velocity(Run *r, double t, const double *x, double *out) {
+/* The field of the mode: while sliding, the combination of the fields of both sides with dh/dt = 0. A status.
+   values: the signs of the mode, and the multipliers of surfaces that are slid on. */
+static int motion(Run *r, double t, const double *x, double *out, double *values) {
     double g[M][N + 1], s[M], low[N], high[N];
     int sliding = 0;
     for (int i = 0; i < SURFACES; i++) sliding += r->m[i] == 0;
     signs(r->m, -1, s);
+    for (int i = 0; i < M; i++) values[i] = r->m[i];
     non_lipschitz = 0;
     (void)sign_of, (void)size_power; /* not every field has one */
     if (sliding > 1 && !AFFINE) return CORNER;
@@ -161,9 +163,15 @@ static int velocity(Run *r, double t, const double *x, double *out) {
             return NO_SLIDING;
         }
         weight = minus / (minus - plus);
+        values[i] = 2 * weight - 1;
         for (int j = 0; j < N; j++) out[j] += weight * (high[j] - low[j]);
     }
     return non_lipschitz ? NON_LIPSCHITZ : SUCCESS;
+}
+
+static int velocity(Run *r, double t, const double *x, double *out) {
+    double values[M];
+    return motion(r, t, x, out, values);
 }
 
 /* dh_i/dt under the fields at s_i = +1 and -1, and the size of their terms. */
@@ -836,10 +844,28 @@ static void move(Run *r, double t_end) {
     if (r->t == due) strike_clocks(r);
 }
 
-/* Runs the model from x0 over t0 < t1 at parameters p. x0 is left at the last state, t1 at the last time and
-   `surface` at the one where the run stopped (-1 for none); gives a number of STATUS. */
-int filippov_run(double *x0, double t0, double *t1, const double *p, double rtol, double atol, long max_steps,
-                 EventHandler handler, void *user, int *surface) {
+/* The name of output i of OUTPUTS; NULL behind the last. */
+const char *filippov_output_name(int i) { return i >= 0 && i < OUTPUTS ? OUTPUT_NAMES[i] : NULL; }
+
+/* The outputs at a state, in the order of their names, as an event tells of it: x with the mode before it, or a
+   state with the mode after. out has OUTPUTS numbers, all NaN where nothing holds a slide. Gives a number of STATUS. */
+int filippov_outputs(double t, const double *x, const double *p, const int *mode, double *out) {
+    Run *r = calloc(1, sizeof *r);
+    double f[N], s[M];
+    int status = BAD_ARGUMENT;
+    for (int i = 0; i < OUTPUTS; i++) out[i] = NAN;
+    if (!r) return status;
+    for (int i = 0; i < PARAMETERS; i++) r->p[i] = p[i];
+    memcpy(r->m, mode, sizeof r->m);
+    status = motion(r, t, x, f, s);
+    if (!status) output_values(t, x, r->p, s, r->m, out);
+    free(r);
+    return status;
+}
+
+/* As filippov_run; mode: that at the end. */
+static int run_model(double *x0, double t0, double *t1, const double *p, double rtol, double atol, long max_steps,
+                     EventHandler handler, void *user, int *surface, int *mode) {
     Run *r = calloc(1, sizeof *r);
     int status = BAD_ARGUMENT;
     double end = *t1;
@@ -879,10 +905,18 @@ int filippov_run(double *x0, double t0, double *t1, const double *p, double rtol
     memcpy(x0, r->x, sizeof r->x);
     *t1 = r->t;
     if (surface) *surface = r->surface;
+    if (mode) memcpy(mode, r->m, sizeof r->m);
     status = r->status;
     if (!status && surface) *surface = -1; /* a step that was taken again may have named one */
     free(r);
     return status;
+}
+
+/* Runs the model from x0 over t0 < t1 at parameters p. x0 is left at the last state, t1 at the last time and
+   `surface` at the one where the run stopped (-1 for none); gives a number of STATUS. */
+int filippov_run(double *x0, double t0, double *t1, const double *p, double rtol, double atol, long max_steps,
+                 EventHandler handler, void *user, int *surface) {
+    return run_model(x0, t0, t1, p, rtol, atol, max_steps, handler, user, surface, NULL);
 }
 
 #ifndef FILIPPOV_NO_MAIN
@@ -909,7 +943,8 @@ static int named(const char *word, const char *const *names, int count, double *
 
 int main(int argc, char **argv) {
     double x[N], p[P], t[2] = {T0, T1};
-    int surface, status, fits = 1;
+    double outputs[OUTPUTS + 1];
+    int mode[M] = {0}, surface, status, fits = 1;
     memcpy(x, X0, sizeof x);
     memcpy(p, DEFAULTS, sizeof p);
     for (int i = 1; i < argc && fits; i += 2) {
@@ -928,9 +963,11 @@ int main(int argc, char **argv) {
         fprintf(stderr, "usage: %s [-p NAME=VALUE] [-x NAME=VALUE] [-t T0 T1]\n", argv[0]);
         return 2;
     }
-    status = filippov_run(x, t[0], &t[1], p, 1e-10, 1e-12, 1000000, print_event, NULL, &surface);
+    status = run_model(x, t[0], &t[1], p, 1e-10, 1e-12, 1000000, print_event, NULL, &surface, mode);
     printf("%.17g,%s,%s", t[1], surface < 0 ? "" : SURFACE_NAMES[surface], STATUS[status]);
     for (int j = 0; j < N; j++) printf(",%.17g", x[j]);
+    filippov_outputs(t[1], x, p, mode, outputs); /* behind the states of the last line */
+    for (int j = 0; j < OUTPUTS; j++) printf(",%.17g", outputs[j]);
     printf("\n");
     return status ? 1 : 0;
 }

@@ -324,6 +324,8 @@ class Automaton(Decisions):
         self.result.t.append(self.t)
         self.result.x.append(list(self.x))
         self.result.modes.append(tuple(self.m))
+        for name, value in zip(self.model.OUTPUTS, self.outputs(), strict=True):
+            self.result.outputs.setdefault(name, []).append(value)
 
     def stop(self, why: Refusal) -> None:
         """End the run by name."""

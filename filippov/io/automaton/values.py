@@ -43,7 +43,7 @@ class Event(NamedTuple):
 
 
 class Result:
-    """A run: times t, states x (a list a time), modes, events, and how it ended.
+    """A run: times t, states x (a list a time), modes, outputs by name, events, and how it ended.
 
     status is "success", or the name of what the automaton does not decide; message says where.
     """
@@ -53,6 +53,7 @@ class Result:
         self.x: list[list[float]] = []
         self.modes: list[tuple[int, ...]] = []
         self.events: list[Event] = []
+        self.outputs: dict[str, list[float]] = {}
         self.status, self.message = "success", "The end of t_span was reached."
 
     @property
@@ -124,9 +125,13 @@ class AtState:
 
     def velocity(self, t: float, x: Sequence[float]) -> list[float]:
         """The field of the mode: while sliding, the combination of both sides with dh/dt = 0."""
-        sliding = self.sliding()
+        return self.motion(t, x)[0]
+
+    def motion(self, t: float, x: Sequence[float]) -> tuple[list[float], list[float]]:
+        """The field of the mode, and its signs: those of the mode, and while sliding the multipliers."""
+        sliding, values = self.sliding(), [float(sign) for sign in self.m]
         if not sliding:
-            return self.model.field(t, x, self.p, self.m, self.m)  # type: ignore[no-any-return]
+            return self.model.field(t, x, self.p, self.m, self.m), values
         if len(sliding) > 1 and not self.model.AFFINE:
             raise Refusal("corner", f"the solution slides on {self.named(sliding)} under a product of signs.")
         rows, signs = self.gradients(t, x), [sign or -1 for sign in self.m]
@@ -142,8 +147,18 @@ class AtState:
                     "no_sliding", f"nothing holds the solution on surface {self.model.SURFACES[i]!r}."
                 )
             weight = minus / (minus - plus)
+            values[i] = 2 * weight - 1
             out = [v + weight * (b - a) for v, a, b in zip(out, low, high, strict=True)]
-        return out
+        return out, values
+
+    def outputs(self) -> list[float]:
+        """The outputs at the state; NaN for all where one has no value, or nothing holds a slide."""
+        try:
+            signs = self.motion(self.t, self.x)[1]
+            found: list[float] = self.model.outputs(self.t, self.x, self.p, signs, self.m)
+        except (ArithmeticError, ValueError, Refusal):
+            return [math.nan] * len(self.model.OUTPUTS)
+        return found
 
     def sides(self, i: int, t: float, x: Sequence[float]) -> tuple[float, float, float]:
         """dh_i/dt under the fields at s_i = +1 and -1, and the size of their terms."""

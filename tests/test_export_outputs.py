@@ -1,0 +1,91 @@
+"""Outputs in exported Python and C: formulas of the state, with the multiplier for a sign that is slid on."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sympy import Max, Piecewise, sqrt
+from test_export_kinks import load
+
+from filippov import Problem, Surface, System, cos, export_system, parameters, sign, solve, states, t
+
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+x, v, w = states("x v w")
+
+
+def driven(rng: np.random.Generator) -> Problem:
+    """Stick and slip of a driven body: its friction force, its power, and choices by the sign of v."""
+    p = parameters(F=rng.uniform(0.3, 0.6), k=rng.uniform(0.5, 1.5))
+    force = p.F * sign(v)
+    system = System(
+        {x: v, v: -p.k * x - force + 0.9 * cos(t)},
+        outputs={
+            "friction": force, "power": force * v, "square": sign(v) ** 2, "net": p.k * x + force,
+            "chosen": Piecewise((2.0 + v, v > 0), (-1.0 + x, True)), "clock": t,
+            "plain": x**2 + sign(x) + abs(v),
+        },
+    )  # fmt: skip
+    return Problem(system, (rng.uniform(-1, 1), 0.0), (0, 12))
+
+
+def joined(rng: np.random.Generator) -> Problem:
+    """Two frictions that do not act on each other, a kink, and an output with a value on one side alone."""
+    f, g = rng.uniform(0.2, 0.5, 2).tolist()
+    system = System(
+        {x: v, v: -x - f * sign(v) + 0.8 * cos(t), w: -g * sign(w - x / 4) + 0.3 * cos(2 * t) - w * abs(w)},
+        outputs={
+            "both": sign(v) + 2 * sign(w - x / 4), "product": sign(v) * sign(w - x / 4), "larger": Max(x, w),
+            "root": Piecewise((sqrt(v), v > 0), (0.0, True)),
+        },
+    )  # fmt: skip
+    return Problem(system, (rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(0.1, 1)), (0, 8))
+
+
+def dropped(rng: np.random.Generator) -> Problem:
+    """A body that stays on a floor until it is lifted."""
+    c = rng.uniform(0.1, 0.5)
+    floor = Surface("floor", x, reset={v: 0 * v})
+    drag = c * v * abs(v)
+    system = System({x: v, v: -9.81 - drag + 3 * t}, surfaces=[floor], outputs={"drag": drag})
+    return Problem(system, (rng.uniform(0.5, 1.5), 0.0), (0, 5))
+
+
+@pytest.mark.parametrize("make", [driven, joined, dropped])
+@pytest.mark.parametrize("seed", range(6))
+def test_15_6_outputs_are_those_of_the_exact_run(
+    make: object, seed: int, tmp_path: Path
+) -> None:
+    assert callable(make)
+    problem = make(np.random.default_rng(seed))
+    solution = solve(problem, rtol=1e-11, atol=1e-13)
+    assert solution.success
+    result = load(export_system(problem, tmp_path / "run.py")).run()
+    assert result.status == "success", result.message
+    assert set(result.outputs) == set(problem.system.outputs)
+    ends = [event.t for event in solution.events]
+    clear = [k for k, time in enumerate(result.t) if all(abs(time - end) > 1e-7 for end in ends)]
+    times = np.array(result.t)[clear]
+    for name, values in result.outputs.items():
+        assert len(values) == len(result.t)
+        expected = solution.evaluate(name, times)
+        assert np.array(values)[clear] == pytest.approx(expected, rel=1e-6, abs=1e-6, nan_ok=True), name
+        assert values[-1] == pytest.approx(solution[name][-1], rel=1e-6, abs=1e-6), name
+    if COMPILER is None:
+        return
+    source, program = export_system(problem, tmp_path / "run.c"), tmp_path / "run"
+    subprocess.run([COMPILER, "-O1", "-Wall", "-Werror", str(source), "-o", str(program), "-lm"], check=True)
+    done = subprocess.run([str(program)], capture_output=True, encoding="utf-8", check=True)
+    last = [float(q) for q in done.stdout.splitlines()[-1].split(",")[3:]]
+    named = [*problem.system.states, *problem.system.outputs]
+    assert last == pytest.approx([solution[name][-1] for name in named], rel=1e-6, abs=1e-6)
+
+
+def test_15_6_outputs_in_stick_hold_the_multiplier(tmp_path: Path) -> None:
+    """x = 0.1 sticks under 0.1 k: the friction force is -k x, and the sign is -k x/F, not 0 or 1."""
+    mean = Piecewise((3.0, v > 0), (1.0, True))
+    system = System({x: v, v: -2 * x - sign(v)}, outputs={"sign": sign(v), "mean": mean})
+    result = load(export_system(system, tmp_path / "s.py", x0=(0.1, 0), t_span=(0, 1))).run()
+    assert result.outputs["sign"] == pytest.approx([-0.2] * len(result.t), abs=1e-12)
+    assert result.outputs["mean"] == pytest.approx([1.8] * len(result.t), abs=1e-12)
