@@ -32,7 +32,7 @@ def run_regions(settings: dict[str, Any], console: Console) -> int:
     loaded = load_model(settings["model"])
     values = loaded.values(settings["parameters"])
     x, y = _axes(settings, "parameters")
-    section, interval = section_of(loaded, settings), interval_of(loaded, settings)
+    section, interval = section_of(loaded, settings, "positive"), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
     from filippov.analysis.diagrams import regions as module
 

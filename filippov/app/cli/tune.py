@@ -67,7 +67,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
             lower = loaded.system.parameters[name].lower
             end[name] = end[name] if lower is None else max(end[name], lower)
     corners = [{**end, **corner} for corner in corners for end in [{}, *ends]]
-    section, interval = section_of(loaded, settings), interval_of(loaded, settings)
+    section, interval = section_of(loaded, settings, "both"), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
     from filippov.analysis.gains.tuning import tune
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from filippov.app.cli.console import Console
 from filippov.app.cli.model import Loaded
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import unknown
+from filippov.solving.state.events import turned
 from filippov.solving.state.options import check_state
 
 # Settings of a section with a parametrisation.
@@ -116,7 +118,10 @@ def told(section: Any) -> str:
 
 def flags(section: Any) -> str:
     """A section as flags of the command line."""
-    words = ["--surface", section.surface, "--event", section.kind, "--coordinate", str(section.coordinate),
+    read = str(section.coordinate)
+    # "--coordinate -x" would read as two options.
+    coordinate = [f"--coordinate={read}"] if read.startswith("-") else ["--coordinate", read]
+    words = ["--surface", section.surface, "--event", section.kind, *coordinate,
              "--t-max", f"{section.t_max:.6g}"]  # fmt: skip
     return shlex.join(words)
 
@@ -130,30 +135,45 @@ def section_data(section: Any) -> dict[str, Any]:
             "after": section.after}  # fmt: skip
 
 
-def suggestion(loaded: Loaded) -> str:
-    """Flags of a parametrised section, from a short run of the model; "" where none is seen.
+def suggestion(loaded: Loaded, interval: str = "any") -> str:
+    """A sentence with flags of a parametrised section, from a short run of the model; "" where none is seen.
 
     Of two states the parametrisation is exact: the section is a line. Of more it holds the others where they
     were at one event, which is one choice of many.
+
+    interval  coordinates that the command takes: "any", "both" (lo <= 0 < hi), or "positive" (0, hi)
     """
     from filippov.analysis.maps.find_section import find_section
     from filippov.analysis.maps.returns import returns
 
     if loaded.x0 is None:
-        return "(name a Problem, with an initial state, and one is looked for along its solution)"
+        return " Name a Problem, with an initial state, and a section is looked for along its solution."
+    values = dict(loaded.parameters)
     try:
-        section = find_section(loaded.system, loaded.x0, parameters=dict(loaded.parameters))
+        section = find_section(loaded.system, loaded.x0, parameters=values)
         if not hasattr(section, "kind"):
             return ""
-        seen = returns(loaded.system, section, loaded.x0, 4, parameters=dict(loaded.parameters))
+        seen = returns(loaded.system, section, loaded.x0, 4, parameters=values)
+        if interval != "any" and seen.d.size and not np.any(seen.d > 0):
+            # The event the other way reads the coordinate on the other side; where none does, -x is read.
+            other = replace(section, kind=turned(section.kind))
+            back = returns(loaded.system, other, loaded.x0, 4, parameters=values)
+            if back.d.size and np.any(back.d > 0):
+                section, seen = other, back
     except (UsageError, ModelError):
         return ""
     if not seen.d.size:
         return ""
     last = dict(zip(loaded.system.states, seen.x[-1].tolist(), strict=True))
-    start = ",".join(f"{n}={'d' if n == section.coordinate else f'{v:.6g}'}" for n, v in last.items())
-    reach = 2.0 * float(np.max(np.abs(seen.d))) or 1.0
-    low, high = -reach * float(np.any(seen.d < 0)), reach * float(not np.all(seen.d < 0))
+    mirrored = interval != "any" and not np.any(seen.d > 0)
+    reads = "-d" if mirrored else "d"
+    start = ",".join(f"{n}={reads if n == section.coordinate else f'{v:.6g}'}" for n, v in last.items())
+    d, shown = seen.d, section
+    if mirrored:
+        d, shown = -d, replace(section, coordinate=f"-{section.coordinate}")
+    reach = 2.0 * float(np.max(np.abs(d))) or 1.0
+    low = -reach if interval != "positive" and np.any(d < 0) else 0.0
+    high = reach if interval != "any" or not np.all(d < 0) else 0.0
     words = ["--parametrisation", start, "--interval", f"{low:.3g}", f"{high:.3g}"]
     note = "" if loaded.system.dimension == 2 else " (it holds the other states: one choice of many)"
-    return f"{flags(section)} {shlex.join(words)}{note}"
+    return f" From a short run: {flags(shown)} {shlex.join(words)}{note}"

@@ -23,17 +23,17 @@ POINT_COLUMNS = ("d", "kind", "slope", "stable", "verdict", "residual", "period"
 CHUNK = 64
 
 
-def section_of(loaded: Loaded, settings: dict[str, Any]) -> Any:
-    """The section the flags describe, else the model's own. Raises UsageError."""
+def section_of(loaded: Loaded, settings: dict[str, Any], interval: str = "any") -> Any:
+    """The section the flags describe, else the model's own; `interval` as in `suggestion`. Raises UsageError."""
     from filippov.analysis.maps.section import Section
 
     given = {name: settings[name] for name in PARTS if settings.get(name) is not None}
     own = getattr(loaded.model, "section", None)
     if own is None and len(given) < len(PARTS):
         missing = ", ".join(f"--{name}" for name in PARTS if name not in given)
-        seen = suggestion(loaded)
-        hint = f" From a short run: {seen}" if seen else ""
-        raise UsageError(f"{loaded.name} proposes no section; give {missing}.{hint}")
+        raise UsageError(
+            f"{loaded.name} proposes no section; give {missing}.{suggestion(loaded, interval)}"
+        )
     if settings.get(CONDITION) is not None:
         given[CONDITION] = settings[CONDITION]
     base = {} if own is None else {
