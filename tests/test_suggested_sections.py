@@ -8,8 +8,8 @@ import pytest
 
 from filippov.app.cli.main import main
 
-# The sections are read at negative coordinates (the event the other way at positive ones), at positive ones, at both
-# signs, and at the ceiling at negative ones only.
+# The sections are read at negative coordinates (the event the other way at positive ones), at positive
+# ones, at both signs, and at the ceiling at negative ones only.
 OWN = """
 from filippov import Problem, Surface, System, parameters, sign, states
 

@@ -24,7 +24,7 @@ CHUNK = 64
 
 
 def section_of(loaded: Loaded, settings: dict[str, Any], interval: str = "any") -> Any:
-    """The section the flags describe, else the model's own; `interval` as in `suggestion`. Raises UsageError."""
+    """The section of the flags, else the model's own; `interval` as in `suggestion`. Raises UsageError."""
     from filippov.analysis.maps.section import Section
 
     given = {name: settings[name] for name in PARTS if settings.get(name) is not None}
