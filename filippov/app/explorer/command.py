@@ -9,9 +9,9 @@ from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded, loaded_of
 from filippov.app.explorer.explorer import Explorer, address
-from filippov.app.explorer.export import FILES, offered
+from filippov.app.explorer.export import FILES, UNNAMED, offered
 from filippov.app.explorer.pictures import summary
-from filippov.app.explorer.subject import subject
+from filippov.app.explorer.subject import of_file, subject
 from filippov.app.explorer.view import View
 from filippov.base.errors import UsageError
 from filippov.solving.state.problem import Problem
@@ -66,13 +66,14 @@ def _origin(settings: dict[str, Any]) -> str:
     if ".py" not in name or settings["input"]:
         return ""
     file, colon, attribute = name.rpartition(":")
-    where = f"{Path(file).resolve()}{colon}{attribute}"
-    return f"from filippov.app.cli.model import load_model\n\nsystem = load_model({where!r}).system"
+    return of_file(f"{Path(file).resolve()}{colon}{attribute}")
 
 
 def _export(explorer: Explorer, folder: Folder, console: Console) -> int:
     solutions, view = explorer.solutions, explorer.start
     solution = solutions.exact(view)
+    if not explorer.subject.origin:
+        console.warn(UNNAMED)
     for name in offered(solutions, view):
         try:
             content = FILES[name][0](solutions, view)

@@ -85,7 +85,10 @@ class Explorer:
     def export(
         self, folder: str | Path, settings: Mapping[str, Any] | None = None, /, **changes: Any
     ) -> list[Path]:
-        """Write data, figures, the solution and the Python that makes them; returns the paths."""
+        """Write data, figures, the solution and the Python that makes them; returns the paths.
+
+        There is no view.py for plain functions that are not part of a system with a name in their module.
+        """
         view, target = self.view(settings, **changes), Path(folder)
         target.mkdir(parents=True, exist_ok=True)
         names = offered(self.solutions, view)

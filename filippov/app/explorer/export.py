@@ -14,6 +14,11 @@ from filippov.app.explorer.view import EXACT, View
 from filippov.base.csv_text import csv_text
 from filippov.base.errors import UsageError
 
+UNNAMED = (
+    "no view.py: the system is made of plain functions, or of what no file holds exactly, and the module of "
+    "its field has no name for it. Write it there, system = System(field=...), or give filippov explore file.py:system."
+)
+
 
 def solution_csv(solutions: Solutions, view: View) -> str:
     """Time, states and outputs at the ends of the steps."""
@@ -70,8 +75,13 @@ def solution_npz(solutions: Solutions, view: View) -> bytes:
 
 
 def script(solutions: Solutions, view: View) -> str:
-    """Python that solves the view again and writes solution.csv and its pictures."""
+    """Python that solves the view again and writes solution.csv and its pictures.
+
+    Raises UsageError where no Python that makes the system is known.
+    """
     subject = solutions.subject
+    if not subject.origin:
+        raise UsageError(UNNAMED)
     lines = [
         f"# {subject.name!r}, as the explorer showed it: {view.query or 'nothing changed'}",
         "import matplotlib", "import numpy as np", "", "from filippov import solve",
@@ -125,6 +135,7 @@ def offered(solutions: Solutions, view: View) -> list[str]:
     subject = solutions.subject
     without = set() if subject.section is not None else {"map.csv", "diagram.csv"}
     without |= {"diagram.csv"} if "over" not in view.values else set()
+    without |= {"view.py"} if not subject.origin else set()
     without |= {"phase.png"} if view["x"] == view["y"] else set()
     return [name for name in FILES if name not in without]
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import UsageError
+from filippov.io.stored_system import system_data
 from filippov.model.system import System
 from filippov.plot.style import axis_label
 from filippov.solving.state.options import check_state
@@ -30,7 +33,7 @@ class Subject:
     parameters   values by name, one for every parameter of the system
     section      the event map that is shown; None for none
     interval     of the section's coordinate; None for a section without a parametrisation
-    origin       lines of Python that make `system`, for the script
+    origin       lines of Python that make `system`, for the script; "" where none are known
     """
 
     name: str
@@ -101,8 +104,31 @@ def subject(
         section, interval = _found(made, start, values, SPANS * (high - low)), None
     return Subject(
         name or "system", made, tuple(start.tolist()), (float(low), float(high)),
-        values, section, interval, origin or STORED,
+        values, section, interval, origin or _origin(made),
     )  # fmt: skip
+
+
+def _origin(system: System) -> str:
+    """Lines that make a system: out of the file beside the script, else from the module that names it.
+
+    "" for plain functions that no module has by name; the one that is run now would run again.
+    """
+    if system_data(system) is not None:
+        return STORED
+    name = getattr(system.exact.field, "__module__", None)
+    module = None if name in (None, "__main__") else sys.modules.get(str(name))
+    file = getattr(module, "__file__", None)
+    if file is None:
+        return ""
+    for known, value in vars(module).items():
+        if value is system or (isinstance(value, Problem) and value.system is system):
+            return of_file(f"{Path(file).resolve()}:{known}")
+    return ""
+
+
+def of_file(name: str) -> str:
+    """Lines that make the system of `file.py:name`."""
+    return f"from filippov.app.cli.model import load_model\n\nsystem = load_model({name!r}).system"
 
 
 def _checked(
