@@ -16,7 +16,8 @@ from filippov.base.errors import UsageError
 
 UNNAMED = (
     "no view.py: the system is made of plain functions, or of what no file holds exactly, and the module of "
-    "its field has no name for it. Write it there, system = System(field=...), or give filippov explore file.py:system."
+    "its field has no name for it. Write it there, system = System(field=...), or give the command "
+    "filippov explore file.py:system."
 )
 
 
