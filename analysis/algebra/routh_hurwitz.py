@@ -35,9 +35,10 @@ from filippov.analysis.algebra.routh_result import RouthCase, RouthResult
 from filippov.base.errors import UsageError
 from filippov.base.given import Positive, shown
 from filippov.base.keywords import keywords
+from filippov.base.shown import Shown
 
 
-class RouthHurwitz(RouthResult):
+class RouthHurwitz(RouthResult, Shown):
     """The result with its questions: `at` values, `solve_for` a parameter, as text, Markdown, LaTeX, JSON."""
 
     def at(self, values: Mapping[Any, Any]) -> RouthHurwitz:

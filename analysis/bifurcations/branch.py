@@ -15,6 +15,7 @@ from filippov.analysis.orbits.orbit_file import read_json, write_json
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering, unknown
+from filippov.base.shown import Shown
 
 Array = npt.NDArray[np.float64]
 FORMAT, VERSION = "filippov branch", 1
@@ -28,7 +29,7 @@ BOUNDARY = ("boundary ", "upper ", "lower ")
 
 
 @dataclass(frozen=True)
-class BranchPoint(Answering):
+class BranchPoint(Shown, Answering):
     """One solution on a branch.
 
     value         of the parameter; u: the unknowns of the equations
@@ -89,7 +90,7 @@ class BranchPoint(Answering):
 
 
 @dataclass
-class Branch(Answering):
+class Branch(Shown, Answering):
     """Points in the order along the branch, special points among them.
 
     parameter  what is varied; parameters: the other values; kind: "map", "orbit", "equilibrium", "function"

@@ -41,6 +41,7 @@ from filippov.base.errors import UsageError
 from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
+from filippov.base.shown import Shown
 from filippov.base.status import mode_text
 
 Array = npt.NDArray[np.float64]
@@ -133,7 +134,7 @@ def _problem(
     return problem, at, {k: v for k, v in named.items() if k != parameter}
 
 
-class Continuation:
+class Continuation(Shown):
     """A continuation under way: an iterator of points. `branch` has what was found, in order along it.
 
     stop()   ends it after the point at hand; a KeyboardInterrupt does so too when it runs by `run`

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from filippov.base.escape import markup
 from filippov.base.json_text import json_text
 from filippov.base.names import Answering
+from filippov.base.shown import Shown
 
 QUANTITIES = {
     "error_R": "error of R(d)",
@@ -53,7 +53,7 @@ class Trend:
 
 
 @dataclass(frozen=True)
-class Comparison(Answering):
+class Comparison(Shown, Answering):
     """Rows of a comparison, the exact system first.
 
     rows         one dict per row, as JSON takes it: model, width (None: exact), options, error_times,
@@ -142,9 +142,6 @@ class Comparison(Answering):
             order, False,
             f"does NOT go to 0: {above[0][1]:.3g} at width {above[0][0]:g}, {error:.3g} at width {width:g}.",
         )  # fmt: skip
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{markup(self.to_text())}</pre>"
 
     def __str__(self) -> str:
         return self.to_text().rstrip()

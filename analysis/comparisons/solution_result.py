@@ -11,9 +11,9 @@ from filippov.analysis.comparisons.approximation import UNFIT
 from filippov.analysis.comparisons.comparison_result import SLOWEST, Trend, aligned, fitted
 from filippov.analysis.comparisons.solution_run import ERRORS, OWN
 from filippov.base.csv_text import csv_text
-from filippov.base.escape import markup
 from filippov.base.json_text import json_text
 from filippov.base.names import Answering
+from filippov.base.shown import Shown
 from filippov.solving.solution import Solution
 
 WORDS = {
@@ -58,7 +58,7 @@ class Needed:
 
 
 @dataclass(frozen=True)
-class SolutionComparison(Answering):
+class SolutionComparison(Shown, Answering):
     """Rows of a comparison of solutions, the exact one first.
 
     rows       one dict per row: model, width (None: exact, or the note says why it does not apply), method,
@@ -138,9 +138,6 @@ class SolutionComparison(Answering):
         (first, most), (last, least) = above[0], above[-1]
         text = f"{what} does NOT go to 0: {most:.3g} at width {first:g}, {least:.3g} at width {last:g}."
         return Trend(model, {}, quantity, order, False, text)
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{markup(self.to_text())}</pre>"
 
     def __str__(self) -> str:
         return self.to_text().rstrip()

@@ -21,6 +21,7 @@ from filippov.base.errors import UsageError
 from filippov.base.given import Axis, Count, Interval, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
+from filippov.base.shown import Shown
 from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.ensemble import solve_many
@@ -33,7 +34,7 @@ UNKNOWN, OUTSIDE, LOST = -1, -2, -3
 
 
 @dataclass(frozen=True)
-class Basin:
+class Basin(Shown):
     """Labels over a plane of initial states, shape (len(y), len(x)).
 
     names       of the two states; x, y: their values; at: the others

@@ -19,6 +19,7 @@ from filippov.base.errors import UsageError
 from filippov.base.given import Count, Natural, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
+from filippov.base.shown import Shown
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
@@ -26,7 +27,7 @@ REST = 1e-8
 
 
 @dataclass(frozen=True)
-class BruteForce:
+class BruteForce(Shown):
     """Iterates of the map after a transient.
 
     parameter, values   what is varied, (k,)

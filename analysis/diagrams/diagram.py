@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.base.errors import UsageError
+from filippov.base.shown import Shown
 
 Array = npt.NDArray[np.float64]
 
@@ -52,7 +53,7 @@ class DiagramBranch:
 
 
 @dataclass(frozen=True)
-class Diagram:
+class Diagram(Shown):
     """A bifurcation diagram.
 
     parameter, values  what was varied

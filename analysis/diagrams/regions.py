@@ -24,6 +24,7 @@ from filippov.base.errors import UsageError
 from filippov.base.given import Axis, Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
+from filippov.base.shown import Shown
 from filippov.model.system import System
 from filippov.sweep.rows import ERROR
 from filippov.sweep.run import run
@@ -37,7 +38,7 @@ _VERDICTS = np.array(GROWTHS)
 
 
 @dataclass(frozen=True)
-class Regions:
+class Regions(Shown):
     """Cells over two parameters; arrays have shape (len(y), len(x)).
 
     names          of the parameters; x, y: their values

@@ -33,6 +33,7 @@ from filippov.base.errors import UsageError
 from filippov.base.given import Count, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
+from filippov.base.shown import Shown
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
@@ -40,7 +41,7 @@ HOLDS = ("auto", "cubic", "first", "zero")
 
 
 @dataclass(frozen=True)
-class Identified:
+class Identified(Shown):
     """Estimated parameters.
 
     values       estimate by name; errors: standard errors; intervals: at `level`, by Student's t

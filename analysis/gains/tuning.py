@@ -22,6 +22,7 @@ from filippov.base.errors import UsageError
 from filippov.base.given import Count, Interval, Natural
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
+from filippov.base.shown import Shown
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
@@ -46,7 +47,7 @@ class GainLimit:
 
 
 @dataclass(frozen=True)
-class Tuning:
+class Tuning(Shown):
     """What `tune` found.
 
     names      the gains; gains: samples (k, g); ratio: rho of each, the largest over the band

@@ -24,6 +24,7 @@ from filippov.analysis.harmonic.quasi_linear import Array, ComplexArray, Lure, l
 from filippov.base.errors import UsageError
 from filippov.base.given import Interval
 from filippov.base.keywords import keywords
+from filippov.base.shown import Shown
 from filippov.model.system import System
 
 LEVELS, EDGE = 160, 1e-9
@@ -56,7 +57,7 @@ class PredictedCycle:
 
 
 @dataclass(frozen=True)
-class DescribingFunction:
+class DescribingFunction(Shown):
     """The prediction of harmonic balance for a loop.
 
     cycles     predicted limit cycles by growing amplitude; () where none is predicted

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.base.errors import UsageError
+from filippov.base.shown import Shown
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
@@ -21,7 +22,7 @@ _STABLE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Attractor:
+class Attractor(Shown):
     """A set that attracts solutions.
 
     kind         "equilibrium"; "equilibrium set": connected, such as the states in which friction holds;

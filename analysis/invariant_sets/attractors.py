@@ -36,6 +36,7 @@ from filippov.base.errors import UsageError
 from filippov.base.given import Count, Natural, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
+from filippov.base.shown import Shown
 from filippov.io.stored_system import system_data
 from filippov.model.system import System
 
@@ -51,7 +52,7 @@ SHIFT = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Attractors:
+class Attractors(Shown):
     """What was found in a box.
 
     attractors  largest share first; unstable: equilibria and orbits on which some states stay, but which do

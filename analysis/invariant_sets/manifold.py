@@ -25,6 +25,7 @@ from filippov.analysis.orbits.saddle import Saddle, Side, saddle
 from filippov.base.errors import UsageError
 from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
+from filippov.base.shown import Shown
 from filippov.base.status import Status, mode_text
 from filippov.model.system import System
 from filippov.solving.solution import Solution
@@ -49,7 +50,7 @@ class ManifoldBranch:
 
 
 @dataclass(frozen=True, eq=False)
-class Manifold:
+class Manifold(Shown):
     """A stable or unstable manifold.
 
     side      "stable" or "unstable"; of: "saddle", "pseudo-saddle" or "orbit"

@@ -41,9 +41,9 @@ from filippov.analysis.steady.time_signs import (
     without_time_surfaces,
 )
 from filippov.base.errors import ModelError
-from filippov.base.escape import markup
 from filippov.base.given import Positive
 from filippov.base.keywords import keywords
+from filippov.base.shown import Shown
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
 
@@ -51,7 +51,7 @@ from filippov.model.system import System
 ON, MOST_BESIDE = 1e-9, 81
 
 
-class StabilityReport(StabilityResult):
+class StabilityReport(StabilityResult, Shown):
     """The result as text, Markdown, LaTeX, JSON."""
 
     def __str__(self) -> str:
@@ -60,9 +60,6 @@ class StabilityReport(StabilityResult):
     def to_text(self) -> str:
         """Plain text, one section per equilibrium."""
         return stability_text.render(self, stability_text.text_style(self.decimals))
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{markup(self.to_text())}</pre>"
 
     def to_markdown(self) -> str:
         """Markdown with the formulas in $...$."""

@@ -19,6 +19,7 @@ from filippov.base.errors import UsageError
 from filippov.base.given import Count, Natural, NonNegative, Positive, number_array
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
+from filippov.base.shown import Shown
 from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.ensemble import Prepared
@@ -27,7 +28,7 @@ from filippov.solving.solution import Solution
 Array = npt.NDArray[np.float64]
 
 
-class EventMap(Answering):
+class EventMap(Shown, Answering):
     """R(d): from coordinate d on the section, along the solution, to that of the section's next event.
 
     order       the map is the order-th iterate (2 for orbits that come back after two returns)

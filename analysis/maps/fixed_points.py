@@ -20,6 +20,7 @@ from filippov.analysis.maps.gap_roots import NOISE, Gap, Samples, Whole, bracket
 from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.base.errors import UsageError
+from filippov.base.shown import Shown
 from filippov.base.status import Status
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ _REACH = 1e-4
 
 
 @dataclass(frozen=True)
-class FixedPoint:
+class FixedPoint(Shown):
     """A fixed point of a map.
 
     d         coordinate; residual: |R(d) - d| there

@@ -14,6 +14,7 @@ from filippov.analysis.steady.forcing import Period, is_forced
 from filippov.base.errors import UsageError
 from filippov.base.keywords import constructor
 from filippov.base.names import unknown
+from filippov.base.shown import Shown
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
@@ -23,7 +24,7 @@ MOST_PARTS = 100
 
 @constructor()
 @dataclass(frozen=True)
-class Stroboscope:
+class Stroboscope(Shown):
     """States at t = k T, or after every tick of a clock.
 
     coordinate  what is read there: the name of a state, or a formula in states (sympy or text)

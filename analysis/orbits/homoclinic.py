@@ -39,6 +39,7 @@ from filippov.base.errors import SolveError, UsageError
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
+from filippov.base.shown import Shown
 from filippov.base.status import Status, mode_text
 from filippov.graphs.word import word_of
 from filippov.model.system import System
@@ -57,7 +58,7 @@ _MISSED, _POINTS = 1e-7, 48
 
 
 @dataclass(frozen=True, eq=False)
-class Homoclinic:
+class Homoclinic(Shown):
     """A homoclinic orbit.
 
     system, parameters   with the value of `free` at which the orbit exists

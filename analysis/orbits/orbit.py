@@ -19,6 +19,7 @@ from filippov.analysis.orbits.shooting import Shooting
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
+from filippov.base.shown import Shown
 from filippov.base.status import EventKind, mode_text
 from filippov.graphs.word import word_of
 from filippov.io.stored_system import system_data, system_of
@@ -37,7 +38,7 @@ _AT_NODE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Orbit(Answering):
+class Orbit(Shown, Answering):
     """A limit cycle, or a periodic solution of a forced system.
 
     system, parameters  what it is an orbit of; parameters by name

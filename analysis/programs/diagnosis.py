@@ -30,6 +30,7 @@ from filippov.base.escape import printable
 from filippov.base.given import Count, NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
+from filippov.base.shown import Shown
 from filippov.base.status import Status, mode_text
 from filippov.model.system import System
 from filippov.solving.solution import Solution
@@ -42,7 +43,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis(Answering):
+class Diagnosis(Shown, Answering):
     """The diagnosis of a program.
 
     name, file  the program

@@ -20,6 +20,7 @@ from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow
 from filippov.base.errors import UsageError
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
+from filippov.base.shown import Shown
 from filippov.model.system import System
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
@@ -33,7 +34,7 @@ _STEPS, _MOST = 1000, 64
 
 
 @dataclass(frozen=True)
-class Lyapunov:
+class Lyapunov(Shown):
     """Exponents [1/time], largest first.
 
     exponents  (k,), -inf where rank is lost in sliding; error: from the scatter over 8 parts of the run

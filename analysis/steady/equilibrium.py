@@ -9,11 +9,13 @@ from typing import Any, Literal
 import sympy
 from sympy import Expr, Symbol
 
+from filippov.base.shown import Shown
+
 PointKind = Literal["equilibrium", "pseudo-equilibrium", "resting contact", "boundary equilibrium"]
 
 
 @dataclass(frozen=True)
-class EquilibriumPoint:
+class EquilibriumPoint(Shown):
     """x with 0 in F(x).
 
     mode         sign of each surface, 0 where the point lies on it
@@ -56,7 +58,7 @@ class EquilibriumPoint:
 
 
 @dataclass(frozen=True)
-class EquilibriumSet:
+class EquilibriumSet(Shown):
     """{x(c) : c in a domain} with 0 in F(x), all in one mode.
 
     mode         as for a point
@@ -140,7 +142,7 @@ class Missing(str):
 
 
 @dataclass(frozen=True)
-class Equilibria:
+class Equilibria(Shown):
     """All that were found, with the parameter values at which existence was decided.
 
     notes   what was not searched or not decided, one sentence each

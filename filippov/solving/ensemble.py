@@ -13,15 +13,16 @@ import numpy.typing as npt
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.failure import failure
-from filippov.base.given import Count, Positive, number_array, shown
+from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering, check_known, unknown
-from filippov.base.quantity import is_quantity, plain
+from filippov.base.shown import Shown
 from filippov.base.status import EventKind, Status, stopped_at
 from filippov.kernel.codegen.build import widest
 from filippov.kernel.tables import codes
 from filippov.kernel.tables.layout import LANES, MOST_LANES
 from filippov.model.system import System
+from filippov.solving.ensemble_rows import rows_of
 from filippov.solving.resets.zeno import sentence
 from filippov.solving.scale import default_atols, of_little_ends, small
 from filippov.solving.state.batch import FEW, UNFINISHED, Batch, lane_unit, system_threads, waits
@@ -38,7 +39,7 @@ from filippov.solving.state.option_types import (
     Stops,
     Together,
     Tolerance,
-)
+)  # fmt: skip
 from filippov.solving.state.options import (
     Options,
     check_span,
@@ -72,7 +73,7 @@ _BLOCK = 1 << 16  # rows in memory at a time with all that a running trajectory 
 
 
 @dataclass(frozen=True)
-class Ensemble(Answering):
+class Ensemble(Shown, Answering):
     """Ends of many trajectories.
 
     t, x       time and state reached: (k,), (k, n); at a terminal event, its time and state
@@ -193,7 +194,7 @@ def solve_many(
     options = given_options({**locals(), "stop": ()})
     span = check_span(t_span, backward, x0)
     prepared = Prepared(system, span, stop=stop, threads=threads, lanes=lanes, backward=backward, **options)
-    states, values = _points(system, x0, parameters or {})
+    states, values = rows_of(system, x0, parameters or {})
     return prepared.run(states, values, measure=measure, progress=progress)
 
 
@@ -341,43 +342,6 @@ def _lanes(lanes: int | None, machine: Machine, method: str, count: int) -> int:
             f"lanes is {lanes}, but {method} runs one by one; lanes know {', '.join(_IN_LANES)}."
         )
     return lanes
-
-
-def _points(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Array, Array]:
-    if is_quantity(x0):
-        raise UsageError("x0 is a quantity with a unit, expected numbers in the units of the states.")
-    states = np.atleast_2d(number_array("x0", x0))
-    if states.ndim != 2 or states.shape[1] != system.dimension:
-        raise UsageError(
-            f"x0 has shape {np.shape(x0)}, expected (k, {system.dimension}) "
-            f"(states: {', '.join(system.states)})."
-        )
-    if not np.all(np.isfinite(states)):
-        row, column = np.argwhere(~np.isfinite(states))[0]
-        raise UsageError(
-            f"x0[{row}]: state {system.states[column]!r} is {states[row, column]}, expected a number."
-        )
-    units = {name: system.parameters[name].unit for name in system.parameters.names}
-    given = {k: plain(q, units.get(k, ""), f"parameter {k!r}") for k, q in parameters.items()}
-    single, columns = dict(given), {}
-    for name, value in given.items():
-        if not isinstance(value, float) and np.ndim(value) != 0:
-            columns[name] = number_array(f"parameter {name!r}", single.pop(name))
-            if columns[name].ndim != 1 or not columns[name].size:
-                raise UsageError(f"parameter {name!r} is {shown(value)}, expected a number or k numbers.")
-    lengths = {len(column) for column in columns.values()} | {len(states)}
-    count = max(lengths)
-    if not lengths <= {1, count}:
-        raise UsageError(f"x0 and parameters have lengths {sorted(lengths)}, expected one length or 1.")
-    base = system.parameters.resolve({**single, **{k: float(column[0]) for k, column in columns.items()}})
-    values = np.empty((count, len(base)))
-    values[:] = base
-    for name, column in columns.items():
-        declared = system.parameters[name]
-        for extreme in (float(np.min(column)), float(np.max(column))):
-            declared.check(extreme, f"parameter {name!r}")
-        values[:, system.parameters.index(name)] = column
-    return states if len(states) == count else np.repeat(states, count, axis=0), values
 
 
 def _collect(

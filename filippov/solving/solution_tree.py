@@ -17,6 +17,7 @@ import numpy as np
 from filippov.base.delegates import delegate
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
+from filippov.base.shown import Shown
 from filippov.base.status import Status, mode_text
 from filippov.solving.segments import Segment
 from filippov.solving.selection.ambiguity import Ambiguity
@@ -74,7 +75,7 @@ class TreeBranch:
         return after and (t - self.t1) * direction <= 0
 
 
-class Path:
+class Path(Shown):
     """A whole solution: branches from the root to a leaf, with the parts of a Solution."""
 
     def __init__(self, branches: tuple[TreeBranch, ...]) -> None:
@@ -179,7 +180,7 @@ class Reachable:
     complete: bool
 
 
-class SolutionTree:
+class SolutionTree(Shown):
     """The solutions from one initial state, which branch where several modes can follow.
 
     branches  all pieces, parents before children; root: the first

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.names import Answering, unknown
+from filippov.base.shown import Shown
 from filippov.sweep.points import BLOCK, Array, Points, Whole
 from filippov.sweep.rows import DONE, Rows, Work
 
@@ -23,7 +24,7 @@ SHOWN = 20
 
 
 @dataclass(repr=False)
-class SweepTable(Answering):
+class SweepTable(Shown, Answering):
     """Points and what they gave.
 
     names            of the coordinates; coordinates: their values, an array or a Grid, `points` as an array

@@ -24,6 +24,7 @@ from sympy import Poly, Rational
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.polynomial import Verdict, count_roots
+from filippov.base.shown import Shown
 
 Array = npt.NDArray[np.float64]
 S = sympy.Symbol("s")
@@ -33,7 +34,7 @@ DENOMINATORS = (1, 2, 5, 10, 100, 1000, 10_000, 1_000_000)
 
 
 @dataclass(frozen=True)
-class Multiplier:
+class Multiplier(Shown):
     """M = 1 - sum of share b/(b + s), or b/(b - s) where it runs against time; rows (share, b, forward)."""
 
     terms: tuple[tuple[Rational, Rational, bool], ...]

@@ -1,0 +1,52 @@
+"""What `solve_many` is given: a row of states and a row of parameters for each trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from filippov.base.errors import UsageError
+from filippov.base.given import number_array, shown
+from filippov.base.quantity import is_quantity, plain
+from filippov.model.system import System
+from filippov.solving.state.machine import Array
+
+
+def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Array, Array]:
+    """Initial states (k, n) and rows of parameters (k, P). Raises UsageError, ModelError."""
+    if is_quantity(x0):
+        raise UsageError("x0 is a quantity with a unit, expected numbers in the units of the states.")
+    states = np.atleast_2d(number_array("x0", x0))
+    if states.ndim != 2 or states.shape[1] != system.dimension:
+        raise UsageError(
+            f"x0 has shape {np.shape(x0)}, expected (k, {system.dimension}) "
+            f"(states: {', '.join(system.states)})."
+        )
+    if not np.all(np.isfinite(states)):
+        row, column = np.argwhere(~np.isfinite(states))[0]
+        raise UsageError(
+            f"x0[{row}]: state {system.states[column]!r} is {states[row, column]}, expected a number."
+        )
+    units = {name: system.parameters[name].unit for name in system.parameters.names}
+    given = {k: plain(q, units.get(k, ""), f"parameter {k!r}") for k, q in parameters.items()}
+    single, columns = dict(given), {}
+    for name, value in given.items():
+        if not isinstance(value, float) and np.ndim(value) != 0:
+            columns[name] = number_array(f"parameter {name!r}", single.pop(name))
+            if columns[name].ndim != 1 or not columns[name].size:
+                raise UsageError(f"parameter {name!r} is {shown(value)}, expected a number or k numbers.")
+    lengths = {len(column) for column in columns.values()} | {len(states)}
+    count = max(lengths)
+    if not lengths <= {1, count}:
+        raise UsageError(f"x0 and parameters have lengths {sorted(lengths)}, expected one length or 1.")
+    base = system.parameters.resolve({**single, **{k: float(column[0]) for k, column in columns.items()}})
+    values = np.empty((count, len(base)))
+    values[:] = base
+    for name, column in columns.items():
+        declared = system.parameters[name]
+        for extreme in (float(np.min(column)), float(np.max(column))):
+            declared.check(extreme, f"parameter {name!r}")
+        values[:, system.parameters.index(name)] = column
+    return states if len(states) == count else np.repeat(states, count, axis=0), values
