@@ -22,7 +22,7 @@ from filippov.kernel.codegen.build import widest
 from filippov.kernel.tables import codes
 from filippov.kernel.tables.layout import LANES, MOST_LANES
 from filippov.model.system import System
-from filippov.solving.ensemble_rows import rows_of
+from filippov.solving.ensemble_rows import rows_of, unusable
 from filippov.solving.resets.zeno import sentence
 from filippov.solving.scale import default_atols, of_little_ends, small
 from filippov.solving.state.batch import FEW, UNFINISHED, Batch, lane_unit, system_threads, waits
@@ -188,7 +188,7 @@ def solve_many(
     surfaces, a non-unique point) is solved again by `solve`. Results agree with those of the plain loop to
     within the tolerance. At Ctrl-C the trajectories done so far are returned, with `complete` False. An
     exception in a function of the user's ends its own trajectory, with Status.ERROR and the exception in its
-    message.
+    message; so do nan and infinities in its state or parameters, unless every row has some.
     Raises UsageError, ModelError, and what `measure` and `progress` raise.
     """
     options = given_options({**locals(), "stop": ()})
@@ -263,7 +263,7 @@ class Prepared:
                     batch.put_back()
                 return ends
 
-            part = self._by_scale(states[rows], values[rows], carried)
+            part = self._usable(first, states[rows], values[rows], carried, look)
             if measure is not None:
                 part = replace(part, measured=_measured(measure, part))
             parts.append(part)
@@ -287,6 +287,24 @@ class Prepared:
                 return x, cast(list[Status], statuses), mode
         whole = self.run(states, values)
         return whole.x, list(whole.status), whole.mode
+
+    def _usable(
+        self, first: int, states: Array, values: Array, carried: Callable[[Array, Array, Options], Ensemble],
+        look: Callable[[int], None],
+    ) -> Ensemble:  # fmt: skip
+        """The ends of a block; rows with what is not finite end where they are, and say so."""
+        usable = np.isfinite(states).all(axis=1) & np.isfinite(values).all(axis=1)
+        if usable.all():
+            return self._by_scale(states, values, carried)
+        order = np.concatenate([np.flatnonzero(usable), np.flatnonzero(~usable)])
+        some = self._by_scale(states[usable], values[usable], carried)
+        whole = _permuted(_joined([some], states[order], self.span), np.argsort(order))
+        status, message = list(whole.status), list(whole.message)
+        for q in np.flatnonzero(~usable).tolist():
+            status[q], message[q] = Status.ERROR, unusable(self.system, first + q, states[q], values[q])
+        if some.complete:
+            look(len(states))
+        return replace(whole, status=tuple(status), message=tuple(message))
 
     def _by_scale(
         self, states: Array, values: Array, carried: Callable[[Array, Array, Options], Ensemble]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,7 +16,10 @@ from filippov.solving.state.machine import Array
 
 
 def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Array, Array]:
-    """Initial states (k, n) and rows of parameters (k, P). Raises UsageError, ModelError."""
+    """Initial states (k, n) and rows of parameters (k, P). Raises UsageError, ModelError.
+
+    Of several rows some may hold what is not finite (`unusable`).
+    """
     if is_quantity(x0):
         raise UsageError("x0 is a quantity with a unit, expected numbers in the units of the states.")
     states = np.atleast_2d(number_array("x0", x0))
@@ -24,11 +28,9 @@ def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
             f"x0 has shape {np.shape(x0)}, expected (k, {system.dimension}) "
             f"(states: {', '.join(system.states)})."
         )
-    if not np.all(np.isfinite(states)):
-        row, column = np.argwhere(~np.isfinite(states))[0]
-        raise UsageError(
-            f"x0[{row}]: state {system.states[column]!r} is {states[row, column]}, expected a number."
-        )
+    finite = np.isfinite(states)
+    if states.size and not finite.all(axis=1).any():
+        raise UsageError(unusable(system, 0, states[0], np.zeros(0)))
     units = {name: system.parameters[name].unit for name in system.parameters.names}
     given = {k: plain(q, units.get(k, ""), f"parameter {k!r}") for k, q in parameters.items()}
     single, columns = dict(given), {}
@@ -41,12 +43,26 @@ def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
     count = max(lengths)
     if not lengths <= {1, count}:
         raise UsageError(f"x0 and parameters have lengths {sorted(lengths)}, expected one length or 1.")
-    base = system.parameters.resolve({**single, **{k: float(column[0]) for k, column in columns.items()}})
+    known = {name: column[np.isfinite(column)] for name, column in columns.items()}
+    for name in columns:
+        if not known[name].size:
+            raise UsageError(f"parameter {name!r} is {shown(given[name])}, expected finite numbers.")
+    base = system.parameters.resolve({**single, **{k: float(column[0]) for k, column in known.items()}})
     values = np.empty((count, len(base)))
     values[:] = base
     for name, column in columns.items():
         declared = system.parameters[name]
-        for extreme in (float(np.min(column)), float(np.max(column))):
+        for extreme in (float(np.min(known[name])), float(np.max(known[name]))):
             declared.check(extreme, f"parameter {name!r}")
         values[:, system.parameters.index(name)] = column
     return states if len(states) == count else np.repeat(states, count, axis=0), values
+
+
+def unusable(system: System, row: int, state: Array, values: Array) -> str:
+    """Why a row cannot be run: the first of its numbers that is not finite; "" where all are."""
+    named = [*(f"state {name!r}" for name in system.states), *(f"parameter {n!r}" for n in system.parameters)]
+    for name, value in zip(named, [*state.tolist(), *values.tolist()], strict=False):
+        if not math.isfinite(value):
+            where = f"x0[{row}]" if name.startswith("state") else f"row {row}"
+            return f"{where}: {name} is {value}, expected a finite number."
+    return ""
