@@ -93,7 +93,8 @@ def test_it_compiles(name: str) -> None:
 @pytest.mark.parametrize(
     ("unit", "shown"),
     [
-        ("N/m", r"\text{N/m}"), ("m/s^2", r"\mathrm{m/s^{2}}"), ("N*s", r"\mathrm{N\cdot s}"), ("%", r"\text{\%}"),
+        ("N/m", r"\text{N/m}"), ("m/s^2", r"\mathrm{m/s^{2}}"), ("%", r"\text{\%}"),
+        ("N*s", r"\mathrm{N\cdot s}"),
         ("kg*m**-2", r"\mathrm{kg\cdot m^{-2}}"),
     ],
 )  # fmt: skip

@@ -119,7 +119,7 @@ class _Writer:
 
     def __call__(self, f: Any) -> str:
         """LaTeX of an expression."""
-        shown = sympy.sympify(f).xreplace(self.values).replace(Select, _branch)
+        shown = f.xreplace(self.values).replace(Select, _branch)
         names = {q: symbol(q.name) for q in shown.free_symbols if hasattr(q, "name")}
         text: str = sympy.latex(shown, symbol_names=names)
         return text
