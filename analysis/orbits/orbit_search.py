@@ -117,7 +117,7 @@ def find_orbit(
         guess, t0 = guess.x_end, guess.t_end
     if guess is None:
         raise UsageError("find_orbit needs a guess: a state on or near the orbit, a Solution or an Orbit.")
-    several = np.ndim(guess) == 2
+    several = _has_rows(guess)
     rows = guess if several else [guess]
     points = np.array([check_state(row, system) for row in rows])
     x0 = points[0]
@@ -161,6 +161,14 @@ def refine(
     u, left = newton(problem, orbit.unknowns, p)
     solutions = problem.solutions(u, p)
     return make_orbit(problem.at(u, p, solutions), u, p, left, solutions)
+
+
+def _has_rows(guess: Any) -> bool:
+    """Whether states stand in rows; the entries of one may be quantities, which numpy does not take."""
+    if isinstance(guess, np.ndarray):
+        return guess.ndim == 2
+    first = guess[0] if isinstance(guess, list | tuple) and guess else None
+    return isinstance(first, list | tuple) or (isinstance(first, np.ndarray) and first.ndim == 1)
 
 
 class _Search:

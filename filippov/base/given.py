@@ -155,7 +155,7 @@ def number_array(name: str, value: object, error: type[Exception] = UsageError) 
     """Real numbers as a new array of float64; raises `error` for text, flags, complex and masked numbers."""
     if type(value) is float:
         return np.array(value)
-    if type(value) is not np.ndarray:
+    if type(value) is not np.ndarray or value.dtype == object:
         _refuse_unit(name, value, error)
     # What has no mask need not load numpy.ma.
     if hasattr(value, "_mask") and np.ma.is_masked(value):
@@ -182,12 +182,25 @@ def number_array(name: str, value: object, error: type[Exception] = UsageError) 
 
 def _refuse_unit(name: str, value: object, error: type[Exception]) -> None:
     """Raise `error` for a quantity with a unit, whose magnitude numpy would take without a word."""
-    first = value[0] if isinstance(value, list | tuple) and value else value
-    if is_quantity(first) and not getattr(first, "dimensionless", False):
-        raise error(
-            f"{name} is {shown(value)}, a quantity whose unit cannot be converted here. Give its magnitude "
-            "in the unit of the model: q.to(unit).magnitude."
-        )
+    if isinstance(value, list | tuple):
+        given: Iterable[Any] = value
+    elif isinstance(value, np.ndarray) and value.dtype == object:
+        given = value.ravel().tolist()
+    else:
+        given = (value,)
+    for entry in given:
+        if type(entry) is float or type(entry) is int:
+            continue
+        if entry is not value and isinstance(entry, list | tuple | np.ndarray):
+            _refuse_unit(name, entry, error)
+        elif is_quantity(entry) and not getattr(entry, "dimensionless", False):
+            break
+    else:
+        return
+    raise error(
+        f"{name} is {shown(value)}, a quantity whose unit cannot be converted here. Give its magnitude in "
+        "the unit of the model: q.to(unit).magnitude."
+    )
 
 
 def row(

@@ -13,6 +13,7 @@ from filippov.base.given import number_array, shown
 from filippov.base.quantity import is_quantity, plain
 from filippov.model.system import System
 from filippov.solving.state.machine import Array
+from filippov.solving.state.options import without_units
 
 
 def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Array, Array]:
@@ -22,7 +23,7 @@ def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
     """
     if is_quantity(x0):
         raise UsageError("x0 is a quantity with a unit, expected numbers in the units of the states.")
-    states = np.atleast_2d(number_array("x0", x0))
+    states = np.atleast_2d(number_array("x0", _without_units(x0, system)))
     if states.ndim != 2 or states.shape[1] != system.dimension:
         raise UsageError(
             f"x0 has shape {np.shape(x0)}, expected (k, {system.dimension}) "
@@ -32,7 +33,11 @@ def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
     if states.size and not finite.all(axis=1).any():
         raise UsageError(unusable(system, 0, states[0], np.zeros(0)))
     units = {name: system.parameters[name].unit for name in system.parameters.names}
-    given = {k: plain(q, units.get(k, ""), f"parameter {k!r}") for k, q in parameters.items()}
+    given = {
+        k: [plain(one, units.get(k, ""), f"parameter {k!r}") for one in q] if isinstance(q, list | tuple)
+        else plain(q, units.get(k, ""), f"parameter {k!r}")
+        for k, q in parameters.items()
+    }  # fmt: skip
     single, columns = dict(given), {}
     for name, value in given.items():
         if not isinstance(value, float) and np.ndim(value) != 0:
@@ -56,6 +61,17 @@ def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
             declared.check(extreme, f"parameter {name!r}")
         values[:, system.parameters.index(name)] = column
     return states if len(states) == count else np.repeat(states, count, axis=0), values
+
+
+def _without_units(x0: Any, system: System) -> Any:
+    """One state, or rows of states, with the quantities in the units of the labels."""
+    one = without_units(x0, system)
+    if one is not x0:
+        return one
+    rows = x0.tolist() if isinstance(x0, np.ndarray) and x0.dtype == object else x0
+    if not isinstance(rows, list | tuple):
+        return x0
+    return [without_units(row, system, f"x0[{i}]") for i, row in enumerate(rows)]
 
 
 def unusable(system: System, row: int, state: Array, values: Array) -> str:

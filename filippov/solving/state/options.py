@@ -220,11 +220,8 @@ def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
             )
         values = dict(zip(names, x0.values(), strict=True))
         x0 = [values[name] for name in system.states]
-    if isinstance(x0, list | tuple) and any(map(is_quantity, x0)) and len(x0) == system.dimension:
-        units = [unit_of_label(system.labels.get(name, "")) for name in system.states]
-        names = [f"x0: state {name!r}" for name in system.states]
-        x0 = [plain(q, unit, name) for q, unit, name in zip(x0, units, names, strict=True)]
-    elif is_quantity(x0):
+    x0 = without_units(x0, system)
+    if is_quantity(x0):
         raise UsageError(f"x0 is the quantity {x0}, expected one quantity or number per state: x0=(q1, q2).")
     array = number_array("x0", x0)
     if array.shape != (system.dimension,):
@@ -239,6 +236,22 @@ def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
         if not math.isfinite(value):
             raise UsageError(f"x0: state {name!r} is {value}, expected a finite number.")
     return np.array(array)
+
+
+def without_units(x0: Any, system: System, name: str = "x0") -> Any:
+    """A state whose quantities are converted to the units of the labels; anything else as it is.
+
+    Raises ModelError for a quantity of another dimension, or where a label has no unit.
+    """
+    entries = x0.tolist() if isinstance(x0, np.ndarray) and x0.dtype == object and x0.ndim == 1 else x0
+    if not isinstance(entries, list | tuple) or len(entries) != system.dimension:
+        return x0
+    if not any(map(is_quantity, entries)):
+        return x0
+    return [
+        plain(q, unit_of_label(system.labels.get(state, "")), f"{name}: state {state!r}")
+        for q, state in zip(entries, system.states, strict=True)
+    ]
 
 
 def _usual_state(x0: Any, n: int) -> npt.NDArray[np.float64] | None:
