@@ -44,7 +44,7 @@ def places_inside(free: Sequence[Symbol], positive: Sequence[Expr]) -> Array:
         with np.errstate(all="ignore"):
             values = np.array([np.broadcast_to(np.asarray(g(*c.T), dtype=complex), len(c)) for g in at])
         real = np.isfinite(values) & (np.abs(values.imag) <= LEAST * (1.0 + np.abs(values.real)))
-        return np.min(np.where(real, values.real, -np.inf), axis=0, initial=LARGEST)
+        return np.asarray(np.min(np.where(real, values.real, -np.inf), axis=0, initial=LARGEST))
 
     unit = 2.0 * qmc.Sobol(n, scramble=True, seed=1).random(PLACES) - 1.0
     c = np.concatenate([scale * unit for scale in SCALES])

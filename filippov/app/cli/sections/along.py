@@ -145,13 +145,14 @@ def suggestion(loaded: Loaded, interval: str = "any") -> str:
     """
     from filippov.analysis.maps.find_section import find_section
     from filippov.analysis.maps.returns import returns
+    from filippov.analysis.maps.section import Section
 
     if loaded.x0 is None:
         return " Name a Problem, with an initial state, and a section is looked for along its solution."
     values = dict(loaded.parameters)
     try:
         section = find_section(loaded.system, loaded.x0, parameters=values)
-        if not hasattr(section, "kind"):
+        if not isinstance(section, Section):
             return ""
         seen = returns(loaded.system, section, loaded.x0, 4, parameters=values)
         if interval != "any" and seen.d.size and not np.any(seen.d > 0):
