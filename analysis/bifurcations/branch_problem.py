@@ -19,6 +19,7 @@ from scipy.optimize import brentq
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.growth import ACCURACY, by_eigenvalues, by_multipliers
 from filippov.analysis.bifurcations.branch import BranchPoint
+from filippov.analysis.bifurcations.reset_sides import reset_sides
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.set_slope import log_slope, near_set
 from filippov.analysis.orbits.orbit import Orbit, cycle_of_modes, make_orbit, whole_period
@@ -206,6 +207,10 @@ class MapProblem:
         return None
 
 
+# An orbit whose states move by less than this part of them has no extent.
+_HELD = 1e-9
+
+
 class OrbitProblem:
     """Periodic orbits by (multiple) shooting."""
 
@@ -226,6 +231,9 @@ class OrbitProblem:
         # A state that is constant along the orbit may vary along the branch.
         still = size < 1e-6 * np.max(size)
         size[still] = np.maximum(np.abs(orbit.high), np.max(size))[still]
+        if np.max(orbit.high - orbit.low) <= _HELD * np.max(np.abs(orbit.high)):
+            # Nothing moves but at the instants of a clock, or nothing at all.
+            size = np.where(orbit.high == 0.0, np.max(np.abs(orbit.high)) or 1.0, np.abs(orbit.high))
         parts = [np.tile(size, len(self.shooting.shares))]
         if self.shooting.period is None:
             parts.append(np.array([orbit.period]))
@@ -305,7 +313,7 @@ class OrbitProblem:
         """The mode word of the orbit, as its point has it."""
         p, system = self.p(value), self.shooting.system
         whole = whole_period(self.shooting, u, p, self.solutions(u, value))
-        return _told(word_of(cycle_of_modes(whole), system), whole)
+        return _told(word_of(cycle_of_modes(whole), system), whole, p)
 
     def residual(self, u: Array, value: float) -> Array:
         """The residual of the equations."""
@@ -339,10 +347,10 @@ class OrbitProblem:
         for i, name in enumerate(names):
             data[f"max {name}"], data[f"min {name}"] = float(orbit.high[i]), float(orbit.low[i])
             data[f"amplitude {name}"] = 0.5 * float(orbit.high[i] - orbit.low[i])
+        word = _told(orbit.word, orbit.solutions, self.p(value))
         return BranchPoint(
             value, tuple(u.tolist()), data, tuple(complex(v) for v in orbit.multipliers), orbit.verdict,
-            _told(orbit.word, orbit.solutions), orbit.modes, orbit.period, tests, orbit.residual,
-            phase=self.shooting.phase,
+            word, orbit.modes, orbit.period, tests, orbit.residual, phase=self.shooting.phase,
         )  # fmt: skip
 
     def at_phase(self, phase: float) -> OrbitProblem:
@@ -447,11 +455,13 @@ class FunctionProblem:
         return self
 
 
-def _told(word: str, solutions: Sequence[Solution]) -> str:
-    """The word of a period with the number of its resets."""
+def _told(word: str, solutions: Sequence[Solution], p: Array) -> str:
+    """The word of a period with the number of its resets, and the sides of their kinks on which they are."""
     count = len(solutions[0].system.surfaces)
     jumps = sum(e.kind is EventKind.RESET and e.index < count for one in solutions for e in one.events)
-    return word + (f" with {jumps} resets" if jumps else "")
+    word += f" with {jumps} resets" if jumps else ""
+    sides = reset_sides(solutions, p)
+    return f"{word}; {sides}" if sides else word
 
 
 def product(values: Complex) -> float:

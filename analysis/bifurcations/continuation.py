@@ -43,6 +43,7 @@ from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
 from filippov.base.status import mode_text
+from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
 # Cosine of the angle between two tangents below which a step is halved.
@@ -110,6 +111,11 @@ def _problem(
         if value is None:
             raise UsageError("a function needs the parameter's value at the start: value=.")
         return FunctionProblem(system, start), float(value), {}
+    if not isinstance(system, System):
+        raise UsageError(
+            f"system is of type {type(system).__name__}, expected a System or a function F(u, value). Write "
+            "continuation(system, start, parameter=..., bounds=...)."
+        )
     if parameter not in system.parameters:
         raise UsageError(unknown("parameter", parameter, system.parameters.names))
     if isinstance(start, Orbit):

@@ -151,7 +151,10 @@ class Crossings:
         if isinstance(before.corrector.problem, OrbitProblem):
             first = before.corrector.problem.orbit(*before.corrector.plain(before.z))
             second = after.corrector.problem.orbit(*after.corrector.plain(after.z))
-            name, note = name_of_change(first, second)
+            if first.signature == second.signature:
+                name = "border collision"
+            else:
+                name, note = name_of_change(first, second)
         return replace(before.point, special=name, note=note)
 
     def jump(self, a: Along) -> tuple[BranchPoint, Along] | None:
