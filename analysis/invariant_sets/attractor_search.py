@@ -166,6 +166,7 @@ class Search:
             self.label[row] = UNIDENTIFIED
             return
         found = self.identify(self.x[row])
+        self.looked = np.union1d(self.looked, self.identify.passed)
         if found is None:
             self.vain += 1
             here = self.grid.names(self.grid.around(self.x[row : row + 1]))

@@ -28,6 +28,9 @@ NEAR, CLOSE, SLACK = 1e-8, 2e-2, 1e-4
 NEWTON, EXPONENT = 30, 300
 # An exponent is positive where it is so many of its errors above 0.
 ERRORS = 4.0
+# What looks chaotic is followed for so many iterates more from so many of its states, moved by ASIDE parts of
+# the size: where one of them then repeats to SETTLED, it was a transient.
+LATER, STARTS, ASIDE, SETTLED = 600, 64, 1e-9, 1e-6
 FAILS = (SolveError, ArithmeticError, np.linalg.LinAlgError)
 # An aperiodic solution has the same extent early and late to this part of it.
 STEADY = 0.02
@@ -38,9 +41,14 @@ class Identifier:
 
     def __init__(self, flow: StateMap, grid: Grid, size: Array) -> None:
         self.flow, self.grid, self.size = flow, grid, size
+        # Cells of irregular solutions that settle down in the end.
+        self.passed = np.zeros(0, dtype=np.uint64)
 
-    def __call__(self, x: Array) -> Attractor | None:
-        """What the solution from x is at, whether it attracts or not; None where the solution ends."""
+    def __call__(self, x: Array, transient: bool = False) -> Attractor | None:
+        """What the solution from x is at, whether it attracts or not; None where the solution ends.
+
+        transient  x is what an irregular solution has come down to
+        """
         y = self.run(x, LOOK)
         if y is None:
             return None
@@ -49,7 +57,7 @@ class Identifier:
         if still and self.flow.kind != "section" and self.flow.resting(y[-1:], 10 * NEAR * self.size)[0]:
             return self.at_rest(y[-1])
         if self.flow.kind == "step":
-            return self.equilibrium(y) or self.cycle(y) or self.other(y)
+            return self.equilibrium(y) or self.cycle(y) or self.other(y, transient)
         gaps = [float(np.max(np.abs(late[q:] - late[:-q]) / self.size)) for q in range(1, LONGEST + 1)]
         order = [q + 1 for q, gap in enumerate(gaps) if gap <= CLOSE and gap <= 2 * min(gaps[: q + 1])]
         for periods in order[:4]:
@@ -60,7 +68,7 @@ class Identifier:
             found = self.cycle(y)
             if found is not None:
                 return found
-        return self.other(y)
+        return self.other(y, transient)
 
     def run(self, x: Array, count: int) -> Array | None:
         """Iterates of x, (count, n); None where the solution ends."""
@@ -187,7 +195,7 @@ class Identifier:
 
     # -- what is left ------------------------------------------------------------------------------------
 
-    def other(self, y: Array) -> Attractor | None:
+    def other(self, y: Array, transient: bool) -> Attractor | None:
         """Chaos where the largest exponent says so; else aperiodic. Known by the cells that it fills."""
         flow = self.flow
         kept = self.run(y[-1], KEPT)
@@ -197,6 +205,9 @@ class Identifier:
         drift = self.drift(kept)
         if drift > 10 * STEADY:
             return None
+        if not transient and flow.kind != "step" and (x := self.settled(kept)) is not None:
+            self.passed = np.union1d(self.passed, self.grid.names(self.grid.around(kept)))
+            return self(x, True)
         value, error = float("nan"), float("nan")
         interval = flow.duration
         if flow.kind == "section":
@@ -225,6 +236,28 @@ class Identifier:
             low=kept.min(axis=0), high=kept.max(axis=0), note=note,
             cells=np.unique(self.grid.names(self.grid.around(kept))),
         )  # fmt: skip
+
+    def settled(self, kept: Array) -> Array | None:
+        """A state at the end of an irregular solution, or of ones beside it, that repeats; else None.
+
+        What is no attractor is left after some time by some of them: a chaotic saddle beside a stable orbit.
+        """
+        rng = np.random.default_rng(0)
+        x = kept[np.linspace(len(kept) - 1, 0, STARTS).astype(int)]
+        x[1:] += ASIDE * self.size * rng.uniform(-1, 1, x[1:].shape)
+        last: list[Array] = []
+        for k in range(LATER):
+            image, ends = self.flow(x)
+            # What ends, or escapes, stays where it is and says nothing.
+            x = np.where(self.flow.done(ends)[:, None], image, np.nan)
+            if k >= LATER - 2 * LONGEST:
+                last.append(x)
+        rows = np.array(last) / self.size
+        best = np.full(len(x), np.inf)
+        for q in range(1, LONGEST + 1):
+            best = np.fmin(best, np.max(np.abs(rows[LONGEST:] - rows[LONGEST - q : -q]), axis=(0, 2)))
+        found = np.flatnonzero(best <= SETTLED)
+        return x[found[0]] if found.size else None
 
     def drift(self, kept: Array) -> float:
         """Change of the extent of a long solution from its first quarter to its last, in parts of it."""
