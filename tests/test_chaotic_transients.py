@@ -74,3 +74,13 @@ def test_skew_tent(a: float, b: float, known: set[int]) -> None:
     rule = 0.3 + a * Min(x, 0) + b * Max(x, 0)
     found = attractors(clocked(rule), {"x": (-1, 1)}, samples=100)
     assert {one.period if one.kind == "periodic" else 0 for one in found.attractors} == truth == known
+
+
+@pytest.mark.parametrize(("rho", "chaotic"), [(22.0, False), (23.5, False), (24.5, True), (28.0, True)])
+def test_lorenz(rho: float, chaotic: bool) -> None:
+    """Chaos attracts above rho = 24.06 only (Sparrow 1982); below it is a transient, however long."""
+    (z,) = states("z,")
+    field = {x: 10 * (y - x), y: rho * x - y - x * z, z: x * y - 8 * z / 3}
+    found = attractors(System(field), {"x": (-20, 20), "y": (-20, 20), "z": (0, 45)}, samples=150, cells=30)
+    assert any(one.kind == "chaotic" for one in found.attractors) == chaotic
+    assert all(one.kind in {"chaotic", "equilibrium"} for one in found.attractors)

@@ -31,6 +31,8 @@ ERRORS = 4.0
 # What looks chaotic is followed for so many iterates more from so many of its states, moved by ASIDE parts of
 # the size: where one of them then repeats to SETTLED, it was a transient.
 LATER, STARTS, ASIDE, SETTLED = 600, 64, 1e-9, 1e-6
+# Of an autonomous system: where one of them then fills so small a part of the extent.
+LESS = 0.3
 FAILS = (SolveError, ArithmeticError, np.linalg.LinAlgError)
 # An aperiodic solution has the same extent early and late to this part of it.
 STEADY = 0.02
@@ -205,9 +207,11 @@ class Identifier:
         drift = self.drift(kept)
         if drift > 10 * STEADY:
             return None
-        if not transient and flow.kind != "step" and (x := self.settled(kept)) is not None:
-            self.passed = np.union1d(self.passed, self.grid.names(self.grid.around(kept)))
-            return self(x, True)
+        if not transient and (x := self.settled(kept)) is not None:
+            end = self(x, True)
+            if end is not None and end.stable:
+                self.passed = np.union1d(self.passed, self.grid.names(self.grid.around(kept)))
+                return end
         value, error = float("nan"), float("nan")
         interval = flow.duration
         if flow.kind == "section":
@@ -238,9 +242,10 @@ class Identifier:
         )  # fmt: skip
 
     def settled(self, kept: Array) -> Array | None:
-        """A state at the end of an irregular solution, or of ones beside it, that repeats; else None.
+        """A state at the end of an irregular solution, or of ones beside it, that repeats or hardly moves.
 
         What is no attractor is left after some time by some of them: a chaotic saddle beside a stable orbit.
+        In steps of no period of its own an orbit does not repeat, but fills less. None where all go on.
         """
         rng = np.random.default_rng(0)
         x = kept[np.linspace(len(kept) - 1, 0, STARTS).astype(int)]
@@ -253,6 +258,10 @@ class Identifier:
             if k >= LATER - 2 * LONGEST:
                 last.append(x)
         rows = np.array(last) / self.size
+        if self.flow.kind == "step":
+            least = np.max(np.ptp(rows, axis=0) * self.size / np.ptp(kept, axis=0), axis=1)
+            found = np.flatnonzero(least <= LESS)
+            return x[found[0]] if found.size else None
         best = np.full(len(x), np.inf)
         for q in range(1, LONGEST + 1):
             best = np.fmin(best, np.max(np.abs(rows[LONGEST:] - rows[LONGEST - q : -q]), axis=(0, 2)))
