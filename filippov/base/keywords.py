@@ -17,6 +17,7 @@ T = TypeVar("T")
 def keywords(
     kind: str = "option", same: Mapping[str, str] | None = None, answers: Mapping[str, str] | None = None,
     error: type[Exception] = UsageError, own: Sequence[str] = (),
+    first: Callable[[str, Any], None] | None = None,
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Make a function refuse unknown keywords, too many values in order, and values of another kind.
 
@@ -26,6 +27,8 @@ def keywords(
     same      other names of its keywords, which are taken as well: {"y0": "x0"}
     answers   what to say of a keyword that others have and this function has not; "*": of too many values
     own       keywords whose values the function checks itself, with more to say
+    first     called with the function's name and its first value before all else: what is wrong with that
+              one explains what is wrong with the others
     """
     others, sentences = dict(same or {}), dict(answers or {})
 
@@ -68,8 +71,11 @@ def keywords(
 
         @functools.wraps(function)
         def called(*args: P.args, **given: P.kwargs) -> T:
-            # The usual call first: all that is needed in order, the rest by names that there are.
-            if least <= len(args) <= most and known.issuperset(given):
+            if first is not None and (len(args) > self or names[0] in given):
+                first(shown, args[self] if len(args) > self else given[names[0]])
+            # The usual call next: all that is needed in order, the rest by names that there are.
+            twice = given.keys() & places[: len(args) - self] if given else ()
+            if least <= len(args) <= most and known.issuperset(given) and not twice:
                 return run(args, given)
             for name in [name for name in given if name not in names]:
                 own = others.get(name)
@@ -77,13 +83,18 @@ def keywords(
                     continue
                 if own is None:
                     raise error(sentences.get(name) or unknown(kind, name, names))
-                if own in given or own in places[: len(args) - self]:
+                open_place = any(q not in given for q in places[len(args) - self :])
+                if own in given or (own in places[: len(args) - self] and not open_place):
                     raise error(f"{name} and {own} mean the same, and both are given. Leave {name} out.")
+                if own in places[: len(args) - self]:
+                    raise error(_twice(shown, places, args[self:], given, own, name))
                 given[own] = given.pop(name)
             if len(args) - self > len(places):
                 more = f" Write the others by name: {', '.join((*further, '...'))}" if further else ""
                 said = f"{shown} was given {len(args) - self} values in order, expected at most {len(places)}"
                 raise error(sentences.get("*") or f"{said} ({', '.join(places)}).{more}")
+            for name in sorted(twice):
+                raise error(_twice(shown, places, args[self:], given, name, name))
             filled = {*places[: len(args) - self], *given}
             missing = [name for name in needed if name not in filled]
             if missing:
@@ -93,6 +104,23 @@ def keywords(
         return called
 
     return decorate
+
+
+def _twice(
+    function: str, places: Sequence[str], args: Sequence[Any], given: Mapping[str, Any], own: str, name: str
+) -> str:  # fmt: skip
+    """What is said of a value given in order and by name; where a later place is open, that may be meant."""
+    from filippov.base.given import shown
+
+    value = shown(args[places.index(own)])
+    said = f"{own} is given twice, as {value} in order and as {name}={shown(given[name])}"
+    if name != own:
+        said = f"{name} and {own} mean the same, and both are given: {value} in order, {name} by name"
+    open_places = [q for q in places[len(args) :] if q not in given]
+    if not open_places:
+        return f"{said}. Leave one out."
+    order = f"The order is {function}({', '.join(places)})"
+    return f"{said}. {order}: if {value} is {open_places[0]}, write {open_places[0]}={value}."
 
 
 def constructor(

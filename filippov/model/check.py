@@ -60,6 +60,12 @@ def as_expression(value: object, where: str) -> Expr:
             f"{where}: {value} is a condition, expected an expression. Write Heaviside(u - v) for u > v, "
             "or Piecewise((a, u > v), (b, True))."
         )
+    if isinstance(value, bool | np.bool_):
+        raise ModelError(
+            f"{where}: {value} ({type(value).__name__}) was given, expected a sympy expression or a real "
+            "number. Python's == compares names, not values, and what holds where x is 0 the inclusion sets: "
+            "write Piecewise((a, x > 0), (b, True)) for the sides; for True and False write 1 and 0."
+        )
     found = as_float(value)
     if found is not None:
         exact = isinstance(value, numbers.Rational)

@@ -49,7 +49,7 @@ from filippov.solving.state.options import (
     given_options,
     options_but,
 )
-from filippov.solving.state.problem import Problem
+from filippov.solving.state.problem import Problem, needs_system
 
 _STATUS = {
     UNFINISHED: Status.INTERRUPTED,
@@ -143,7 +143,7 @@ class Ensemble(Shown, Answering):
             raise UsageError(str(error)) from None
 
 
-@keywords(same=SAME_AS, answers=ANSWERS | ENDS_ONLY, own=("method",))
+@keywords(same=SAME_AS, answers=ANSWERS | ENDS_ONLY, own=("system", "method"), first=needs_system)
 def solve_many(
     system: System,
     x0: Any,

@@ -14,6 +14,7 @@ from filippov.solving.selection.ambiguity import Ambiguity
 from filippov.solving.solution import Solution, may_jump
 from filippov.solving.state.events import Mode
 from filippov.solving.state.interpolant import Interpolant
+from filippov.solving.state.options import exchanged
 from filippov.solving.state.problem import Problem
 from filippov.solving.state.run import Run
 from filippov.solving.state.watched import Watch
@@ -69,6 +70,9 @@ class Course:
         text, start = self.message, self.problem.t_span[0]
         if self.problem.backward:
             text += f" It ran backwards in time, from t = {start:.9g} to t = {self.t:.9g}."
+        if self.problem.t_span[1] == start:
+            # It may be meant, so the run is made.
+            text += " t_span has no length." + exchanged(self.problem.x0, self.problem.t_span)
         return text + (of_little_scale(solution) if self.scaled else "")
 
     def _still(self, t: float, x: Array) -> tuple[Array, Array]:

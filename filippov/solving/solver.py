@@ -43,7 +43,12 @@ from filippov.solving.state.options import (
     checked_options,
     given_options,
 )
-from filippov.solving.state.problem import Problem
+from filippov.solving.state.problem import Problem, no_system
+
+
+def _needs_system(function: str, given: object) -> None:
+    if not isinstance(given, System | Problem):
+        raise UsageError(no_system(function, given, "a System or a Problem"))
 
 
 @overload
@@ -76,7 +81,7 @@ def solve(
     backward: bool | int = ...,
     **options: Unpack[RunOptions],
 ) -> Solution: ...
-@keywords(same=SAME_AS, answers=ANSWERS, own=("system", "method"))
+@keywords(same=SAME_AS, answers=ANSWERS, own=("system", "method"), first=_needs_system)
 def solve(
     system: System | Problem,
     x0: Any = None,
@@ -235,16 +240,6 @@ def _problem(
         if x0 is None and t_span is None and parameters is None and not backward:
             return system
         return system.remake(x0=x0, t_span=t_span, parameters=parameters, backward=backward or None)
-    if not isinstance(system, System):
-        raise UsageError(_no_system(system))
     if x0 is None or t_span is None:
         raise UsageError("solve needs x0 and t_span: solve(system, x0=(...), t_span=(t0, t1)).")
     return Problem(system, x0, t_span, parameters or {}, backward)
-
-
-def _no_system(given: object) -> str:
-    """What is said of something else in place of a system."""
-    how = "Equations make one: System({x: v, v: ...})."
-    if callable(given):
-        how = "A function f(t, x, p, s) makes one: System(field=f, states='x v')."
-    return f"solve was given {type(given).__name__}, expected a System or a Problem. {how}"

@@ -293,12 +293,7 @@ def check_span(t_span: Any, backward: bool | int = False, x0: Any = None) -> tup
     # -1 is a sense of time as well as a flag.
     backward = True if type(backward) is int and backward == -1 else flag("backward", backward)
     if values[1] < values[0] and not backward:
-        other, pair = "", as_pair(x0)
-        if pair is not None and pair[0] < pair[1]:
-            other = (
-                f" If {pair} is the span and {tuple(values)} the state, they are in the order of "
-                f"scipy's solve_ivp: here x0 goes first, x0={tuple(values)}, t_span={pair}."
-            )
+        other = exchanged(x0, (values[0], values[1]))
         raise UsageError(
             f"t_span is {tuple(values)}, which runs backwards in time. If that is meant, say "
             f"backward=True.{other}"
@@ -309,6 +304,17 @@ def check_span(t_span: Any, backward: bool | int = False, x0: Any = None) -> tup
             "t1 < t0, or drop backward."
         )
     return values[0], values[1]
+
+
+def exchanged(x0: Any, span: tuple[float, float]) -> str:
+    """What is said where a state may be the span and the span the state, in scipy's order; else nothing."""
+    pair = as_pair(x0)
+    if pair is None or pair[0] > pair[1] or (pair[0] == pair[1] and span[0] == span[1]):
+        return ""
+    return (
+        f" If {pair} is the span and {span} the state, they are in the order of "
+        f"scipy's solve_ivp: here x0 goes first, x0={span}, t_span={pair}."
+    )
 
 
 def as_pair(value: Any) -> tuple[float, float] | None:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import UsageError
+from filippov.base.given import shown
 from filippov.base.keywords import keywords
 from filippov.base.quantity import is_quantity, plain, unit_of_label
 from filippov.model.system import System
@@ -19,6 +20,30 @@ _OF_SOLVE = {
     name: f"{name} is an option of the run: solve(problem, {name}=...)."
     for name in (*BranchOptions.__annotations__, "nonunique", "theta", "t_eval", "events", "throw")
 }
+
+
+def needs_system(function: str, given: object) -> None:
+    """Refuse what is no System in place of one, with what makes one of it."""
+    if not isinstance(given, System):
+        raise UsageError(no_system(function, given, "a System"))
+
+
+def no_system(function: str, given: object, expected: str) -> str:
+    """What is said of something else in place of a system."""
+    what, how = type(given).__name__, "Equations make one: System({x: v, v: ...})."
+    if isinstance(given, Problem):
+        how = "The system of a problem is problem.system; problem.remake(x0=...) changes the rest."
+    elif isinstance(given, str):
+        what = shown(given)
+        if given.isidentifier():
+            how = f"A model has one, from filippov import models: models.get({given!r}).build()."
+    elif what == "Model" and hasattr(given, "build"):
+        how = f"Its system is models.get({getattr(given, 'name', '')!r}).build()."
+    elif isinstance(given, type):
+        what = f"the class {given.__name__}"
+    elif callable(given):
+        how = "A function f(t, x, p, s) makes one: System(field=f, states='x v')."
+    return f"{function} was given {what}, expected {expected}: {function}(System({{...}}), x0, t_span). {how}"
 
 
 class Problem:
@@ -40,16 +65,13 @@ class Problem:
     parameters: Mapping[str, float]
     p: npt.NDArray[np.float64]
 
-    @keywords("part of a problem", same=SAME_AS, answers=ANSWERS | _OF_SOLVE, own=("system",))
+    @keywords(
+        "part of a problem", same=SAME_AS, answers=ANSWERS | _OF_SOLVE, own=("system",), first=needs_system
+    )
     def __init__(
         self, system: System, x0: Any, t_span: Any, parameters: Mapping[str, float] | None = None,
         backward: bool | int = False,
     ) -> None:  # fmt: skip
-        if not isinstance(system, System):
-            raise UsageError(
-                f"Problem was given {type(system).__name__}, expected a System: "
-                "Problem(System({...}), x0, t_span)."
-            )
         state, span = _start_and_span(system, x0, t_span, backward)
         self._set(system, state, span, system.parameters.resolve(parameters))
 
