@@ -32,7 +32,9 @@ def problem(name: str) -> Problem:
         if found:
             return found
     model = registry.get(name)
-    made = Problem(model.build(), model.x0, model.t_span, backward=model.t_span[1] < model.t_span[0])
+    made = Problem(
+        model.build(), model.x0, model.t_span, model.parameters, backward=model.t_span[1] < model.t_span[0]
+    )
     if place is not None:
         keep(place, made)
     return made

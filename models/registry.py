@@ -1,8 +1,8 @@
 """Models by name: those of this package, and registered ones.
 
-External models are entry points of the group `filippov.models`, each a Model or a function that returns a
-System. One that cannot be loaded does not hide the others: `broken()` has its traceback. Names are known
-without importing any model.
+External models are entry points of the group `filippov.models`, each a Model, a System, a Problem, or a
+function that returns one. One that cannot be loaded does not hide the others: `broken()` has its traceback.
+Names are known without importing any model.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ import importlib
 import sys
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.given import shown
 from filippov.base.keywords import constructor, keywords
 from filippov.base.names import closest
 
@@ -138,6 +139,7 @@ class Model:
     source       where the equations and numbers are from
     invariants   quantities that solutions conserve
     section      the event map it proposes, None for none
+    parameters   values by name that differ from the defaults of the system
     """
 
     name: str
@@ -148,6 +150,7 @@ class Model:
     source: str
     invariants: tuple[Invariant, ...] = ()
     section: SectionData | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
 
 _models: dict[str, Model] = {}
@@ -215,7 +218,7 @@ def _load(name: str) -> Model:
     """Import a plug-in; ModelError, with the cause, if that fails in any way."""
     point = _plug_ins()[name]
     try:
-        model = register(_as_model(name, point.load()))
+        model = register(_as_model(name, point.load(), point.value))
     except (Exception, SystemExit) as error:
         _broken[name] = "".join(traceback.format_exception(error))
         raise ModelError(
@@ -226,21 +229,58 @@ def _load(name: str) -> Model:
     return model
 
 
-def _as_model(name: str, loaded: object) -> Model:
-    if isinstance(loaded, Model):
-        return replace(loaded, name=name)
-    if not callable(loaded):
-        raise ModelError(f"it is {loaded!r}, expected a Model or a function that returns a System.")
-    system = loaded()
-    states = getattr(system, "states", None)
-    if not isinstance(states, tuple):
-        raise ModelError(f"it returned {system!r}, expected a System.")
-    summary = (loaded.__doc__ or "").strip().splitlines()
+def _as_model(name: str, loaded: Any, source: str) -> Model:
+    """What an entry point names as a Model under the name of the entry point."""
+    from filippov.model.system import System
+    from filippov.solving.state.problem import Problem
+
+    kinds = (Model, System, Problem)
+    made = loaded if isinstance(loaded, kinds) or not callable(loaded) else loaded()
+    if isinstance(made, Model):
+        return replace(made, name=name)
+    if not isinstance(made, kinds):
+        what = "is" if made is loaded else "returned"
+        raise ModelError(
+            f"it {what} {shown(made)}, expected a Model, a System, a Problem, or a function that returns one."
+        )
+    summary: list[str] = []
+    if made is not loaded:  # the text of an object is that of its class
+        summary = (loaded.__doc__ or "").strip().splitlines()
+        source = getattr(loaded, "__module__", "") or source
+    x0: tuple[float, ...] = (0.0,) * len(made.states) if isinstance(made, System) else ()
+    t_span, values = (0.0, 10.0), {}
+    if isinstance(made, Problem):
+        x0, t_span = tuple(made.x0.tolist()), made.t_span
+        own = made.system.parameters
+        values = {q: v for q, v in made.parameters.items() if v != own[q].default}
     return Model(
         name=name,
-        build=loaded,
-        x0=(0.0,) * len(states),
-        t_span=(0.0, 10.0),
+        build=_Built(loaded, name),
+        x0=x0,
+        t_span=t_span,
         description=summary[0] if summary else f"the plug-in {name}",
-        source=getattr(loaded, "__module__", "") or "",
+        source=source,
+        parameters=values,
     )
+
+
+@dataclass(frozen=True)
+class _Built:
+    """The system of an entry point: keyword arguments go to its function, and an object takes none."""
+
+    loaded: Any
+    name: str
+
+    def __call__(self, **options: Any) -> System:
+        from filippov.model.system import System
+        from filippov.solving.state.problem import Problem
+
+        made = self.loaded
+        if not isinstance(made, System | Problem):
+            made = made(**options)
+        elif options:
+            raise ModelError(
+                f"{self.name} takes no keywords, but {', '.join(options)} was given: it is one system, no "
+                "function that makes some. Give values to the run: solve(..., parameters={...})."
+            )
+        return made if isinstance(made, System) else made.system

@@ -139,7 +139,7 @@ def loaded_of(settings: Mapping[str, Any]) -> Loaded:
 
 
 def _of_model(model: registry.Model) -> Loaded:
-    return Loaded(model.name, model.build(), model.x0, model.t_span, entry=model)
+    return Loaded(model.name, model.build(), model.x0, model.t_span, model.parameters, entry=model)
 
 
 def _of_problem(name: str, made: Problem, entry: str | None = None) -> Loaded:

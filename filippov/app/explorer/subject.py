@@ -80,6 +80,7 @@ def subject(
     elif hasattr(system, "build") and hasattr(system, "section"):
         made = system.build()
         x0, t_span = system.x0 if x0 is None else x0, system.t_span if t_span is None else t_span
+        parameters = {**getattr(system, "parameters", {}), **(parameters or {})}
         name = name or system.name
         origin = (
             origin
