@@ -16,10 +16,10 @@ from sympy import Expr, Symbol
 from filippov.base.errors import ModelError
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known
+from filippov.interop.asked import Asked, Params
 from filippov.interop.control_blocks import control_module
 from filippov.interop.wiring import Block, identifier, wired
 from filippov.model.check import as_expression
-from filippov.model.symbols import t
 from filippov.model.system import System
 
 
@@ -31,9 +31,11 @@ def from_control(system: Any, inputs: Mapping[str, Any] | None = None) -> System
              such and of the blocks of `filippov.interop`
     inputs   by label, for all of its inputs: numbers or expressions (an Input, a parameter, sin(t))
 
-    Functions of nlsys are called once, with symbols: arithmetic and functions of numpy are understood, `if`
-    is refused. States are named by their labels, plant_x0 for "x[0]" of "plant" where another has the same.
-    Raises ModelError.
+    Functions of nlsys are called with symbols: arithmetic and functions of numpy are understood, `if` is
+    refused. Numbers in params of nlsys and interconnect are parameters under their names, block_name where a
+    state or an output has it; those that the functions ask for with if or ==, and what is no
+    number, keep their values. States are named by their labels, plant_x0 for "x[0]" of "plant" where another
+    has the same. Raises ModelError.
     """
     control = control_module()
     if not isinstance(system, control.InputOutputSystem):
@@ -43,12 +45,12 @@ def from_control(system: Any, inputs: Mapping[str, Any] | None = None) -> System
     if not isinstance(system, control.InterconnectedSystem):
         system = _linear(system, control)
         given = _given(system, inputs)
-        (block,) = _blocks([system], control)
+        (block,) = _blocks([system], control, given, {})
         sources = dict(zip(block.inputs, given, strict=True))
         named = zip(map(identifier, system.output_labels), block.outputs, strict=True)
         return wired([block], sources, {}, dict(named))
-    blocks = _blocks(system.syslist, control)
     given = _given(system, inputs)
+    blocks = _blocks(system.syslist, control, given, system.params)
     wires = [q for block in blocks for q in block.inputs]
     ends = [
         Symbol(f"{block.name}.y{k}", real=True) for block in blocks for k in range(len(block.outputs))
@@ -96,20 +98,20 @@ def _linear(system: Any, control: Any) -> Any:
     return system
 
 
-def _blocks(systems: Any, control: Any) -> list[Block]:
+def _blocks(systems: Any, control: Any, given: list[Expr], params: Mapping[str, Any]) -> list[Block]:
+    """The blocks of systems; params: of the diagram, which go before those of its systems."""
     labels = Counter(label for system in systems for label in system.state_labels)
+    named = [_states(system, labels, len(systems) > 1) for system in systems]
+    used = {q.name for e in given for q in e.free_symbols if isinstance(q, Symbol)} | {"t"}
+    shown = {identifier(label) for system in systems for label in system.output_labels}
+    found = Params(used.union(shown, *named))
     out = []
-    for system in systems:
+    for names, system in zip(named, systems, strict=True):
         if system.dt not in (None, 0):
             raise ModelError(
                 f"{system.name!r} is sampled (dt = {system.dt}). In a loop in continuous time it is the "
                 "block filippov.interop.sampled(system, ...)."
             )
-        names = [
-            identifier(label) if labels[label] == 1 and label.isidentifier() else
-            identifier(f"{system.name}_{label}" if len(systems) > 1 else label)
-            for label in system.state_labels
-        ]  # fmt: skip
         x = tuple(Symbol(name, real=True) for name in names)
         u = tuple(Symbol(f"{system.name}.{label}", real=True) for label in system.input_labels)
         name = identifier(system.name)
@@ -124,34 +126,22 @@ def _blocks(systems: Any, control: Any) -> list[Block]:
                 f"{system.name!r} is an interconnection inside another one: interconnect all blocks at once."
             )
         elif isinstance(system, control.NonlinearIOSystem):
-            out.append(_asked(system, name, u, x))
+            out.append(Asked(system, u, x, {**system.params, **params}).block(name, found))
         else:
             raise ModelError(f"{system.name!r} is {type(system).__name__}, which is not understood.")
     return out
+
+
+def _states(system: Any, labels: Mapping[str, int], several: bool) -> list[str]:
+    """The names of the states of a system; labels: how often each label is there."""
+    return [
+        identifier(label) if labels[label] == 1 and label.isidentifier() else
+        identifier(f"{system.name}_{label}" if several else label)
+        for label in system.state_labels
+    ]  # fmt: skip
 
 
 def _exact(matrix: Any) -> sympy.Matrix:
     rows = np.asarray(matrix, dtype=float)
     return sympy.Matrix(*rows.shape, [_weight(q) for q in rows.ravel()])
 
-
-def _asked(system: Any, name: str, u: tuple[Symbol, ...], x: tuple[Symbol, ...]) -> Block:
-    """A nonlinear system by what its functions make of symbols."""
-    state, given = np.array(x, dtype=object), np.array(u, dtype=object)
-
-    def ask(function: Any, what: str, count: int) -> tuple[Expr, ...]:
-        try:
-            row = np.atleast_1d(np.asarray(function(t, state, given, system.params), dtype=object)).ravel()
-            values = tuple(as_expression(q, f"{what} of {system.name!r}") for q in row)
-        except Exception as error:
-            raise ModelError(
-                f"{what} of {system.name!r} does not take symbols ({type(error).__name__}: {error}). Write "
-                "it with arithmetic and functions of numpy, or use a block of filippov.interop."
-            ) from error
-        if len(values) != count:
-            raise ModelError(f"{what} of {system.name!r} gives {len(values)} values, expected {count}.")
-        return values
-
-    rates = ask(system.updfcn, "updfcn", len(x)) if len(x) else ()
-    outputs = tuple(x) if system.outfcn is None else ask(system.outfcn, "outfcn", system.noutputs)
-    return Block(name, u, outputs, x, rates)
