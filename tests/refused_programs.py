@@ -98,7 +98,7 @@ def scheduled(t, y):
 
 
 def pieces(t, y):
-    return [np.piecewise(y[0], [y[0] < 0, y[0] > 0], [1.0, -1.0])]  # <17>
+    return [np.piecewise(y[0], [y[0] < 0], [1.0, -1.0, 2.0])]  # <17>
 
 
 def largest(t, y):
@@ -106,8 +106,8 @@ def largest(t, y):
 
 
 def matched(t, y):
-    match y[0] > 0:  # <19>
-        case True:
+    match y[0] > 0:
+        case True:  # <19>
             return [-1.0]
         case _:
             return [1.0]

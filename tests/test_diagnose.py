@@ -325,8 +325,9 @@ REFUSED = {
         (12, "sorted_state", "sorted"), (13, "lagging", "in which it keeps a record"),
         (14, "counted", "arithmetic with two conditions"),
         (15, "tabled", "np.interp(u, x, y) is followed"), (16, "scheduled", "write the steps as conditions"),
-        (17, "pieces", "np.where and np.select are followed"), (18, "largest", "write its cases with if"),
-        (19, "matched", "match is not followed; write its cases with if"),
+        (17, "pieces", "3 functions for 1 condition, expected as many or one more"),
+        (18, "largest", "write its cases with if"),
+        (19, "matched", "case True asks for Python's own True"),
         (20, "searched", "write the steps as conditions"),
     ],
 )  # fmt: skip

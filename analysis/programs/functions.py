@@ -69,7 +69,9 @@ SWITCHING: dict[Any, str] = {
     builtins.isinstance: "instance", math.isnan: "never", np.isnan: "never", np.isfinite: "always",
     math.isfinite: "always", np.sum: "total", builtins.sum: "total", math.fsum: "total",
     math.isclose: "close",
-    np.isclose: "close", np.allclose: "close",
+    np.isclose: "close", np.allclose: "close", np.piecewise: "piecewise", np.vdot: "inner",
+    np.amax: "largest", np.amin: "least", np.nan_to_num: "finite", builtins.divmod: "divided_and_rest",
+    np.divmod: "divided_and_rest",
 }  # fmt: skip
 
 # Those that put values together or take them apart: done by themselves, on arrays of objects.
@@ -91,7 +93,6 @@ _CASES = "write its cases with if"
 _STEPS = "write the steps as conditions on it, or with np.interp"
 _INTERPOLATION = "np.interp(u, x, y) is followed"
 INSTEAD = {
-    "piecewise": "np.where and np.select are followed",
     "square": "np.where(t % T < T/2, 1, -1) is followed", "sawtooth": "t % T is followed",
     **dict.fromkeys(("argmax", "argmin", "sort", "sorted", "argsort", "median", "unwrap"), _CASES),
     **dict.fromkeys(("searchsorted", "digitize", "bisect", "bisect_left", "bisect_right"), _STEPS),

@@ -21,10 +21,11 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.programs import automaton
-from filippov.analysis.programs.assignments import Again, Assignments
+from filippov.analysis.programs.assignments import Again
 from filippov.analysis.programs.calls import Live
 from filippov.analysis.programs.choice import Flags, Nothing, copied, expression, is_condition, is_number
 from filippov.analysis.programs.expressions import Closure
+from filippov.analysis.programs.matching import Matching
 from filippov.analysis.programs.notes import Clock, Memory, ReadingError, Site, at
 from filippov.analysis.programs.outside import Parameters, opened
 from filippov.analysis.programs.source import Source, source_of
@@ -62,7 +63,7 @@ class Reading:
     unread: tuple[Memory, ...] = ()
 
 
-class Reader(Assignments):
+class Reader(Matching):
     """One reading of a program with n states and further arguments."""
 
     def __init__(
@@ -146,7 +147,7 @@ class Reader(Assignments):
     def _kept(self) -> tuple[Any, Any]:
         return copied({"frames": self.frames, "memory": self.remembered}, {})["frames"], dict(self.remembered)
 
-    def _forked(self, condition: Any, yes: Then, no: Then) -> Any:
+    def forked(self, condition: Any, yes: Then, no: Then) -> Any:
         """Follow both sides of a condition; the value is what they give, the state what they leave."""
         frames, remembered = self._kept()
         scopes = self.scopes
@@ -203,8 +204,12 @@ class Reader(Assignments):
                     return self.block(node.body if held else node.orelse, following, loop)
                 both = node.body, node.orelse
                 if _leaves(node):
-                    return self._forked(held, *(partial(self.block, part, following, loop) for part in both))
-                self._forked(held, *(partial(self.block, part, _nothing) for part in both))
+                    return self.forked(held, *(partial(self.block, part, following, loop) for part in both))
+                self.forked(held, *(partial(self.block, part, _nothing) for part in both))
+            elif isinstance(node, ast.Match):
+                if _leaves(node):
+                    return self.cases(node, lambda c: self.block(c.body, following, loop), following)
+                self.cases(node, lambda c: self.block(c.body, _nothing), _nothing)
             elif isinstance(node, (ast.For, ast.While)):
                 return self._loop(node, following)
             else:

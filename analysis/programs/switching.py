@@ -54,6 +54,10 @@ class Switching:
         """A value as a condition."""
         raise NotImplementedError
 
+    def call(self, node: ast.AST, function: Any, args: list[Any], named: dict[str, Any]) -> Any:
+        """The value of a call."""
+        raise NotImplementedError
+
     def fail(self, node: ast.AST, message: str) -> ReadingError:
         """The error that names the line."""
         raise NotImplementedError
@@ -146,6 +150,36 @@ class Switching:
         for condition, choice in reversed(list(zip(conditions, choices, strict=True))):
             default = self.where(node, condition, choice, default)
         return default
+
+    def piecewise(
+        self, node: ast.AST, x: Any, condlist: Any, funclist: Any, *args: Any, **named: Any
+    ) -> Any:
+        """np.piecewise: the last of the conditions that hold counts; else the function left over, or 0."""
+        if is_number(x) and not isinstance(x, (float, np.floating)):
+            raise self.fail(node, "np.piecewise of a whole number gives whole numbers; write it with a point")
+        array = isinstance(x, (np.ndarray, list, tuple))
+        if not isinstance(condlist, (list, tuple, np.ndarray)) or (
+            array and not isinstance(condlist[0], (list, np.ndarray))
+        ):
+            condlist = [condlist]
+        if len(funclist) not in {len(condlist), len(condlist) + 1}:
+            held = f"{len(condlist)} condition{'s'[: len(condlist) - 1]}"
+            raise self.fail(node, f"{len(funclist)} functions for {held}, expected as many or one more")
+
+        def value(function: Any) -> Any:
+            if is_number(function) or isinstance(function, Expr) or is_condition(function):
+                return elementwise(lambda _: function, x)
+            return elementwise(lambda u: self._of_one(self.call(node, function, [u, *args], dict(named))), x)
+
+        out = value(funclist[-1]) if len(funclist) > len(condlist) else value(0)
+        x = np.asarray(x, dtype=object) if array else x
+        for condition, function in zip(condlist, funclist, strict=False):
+            out = self.where(node, condition, value(function), out)
+        return out
+
+    @staticmethod
+    def _of_one(value: Any) -> Any:
+        return value.ravel()[0] if isinstance(value, np.ndarray) and value.size == 1 else value
 
     def clip(self, node: ast.AST, value: Any, a_min: Any = None, a_max: Any = None, **bounds: Any) -> Any:
         """np.clip: least(largest(value, a_min), a_max)."""
@@ -272,6 +306,12 @@ class Switching:
         del node, value
         return True
 
+    def finite(self, node: ast.AST, value: Any, **given: Any) -> Any:
+        """np.nan_to_num: the same number, for the field has no other where it is defined."""
+        del node, given
+        several = isinstance(value, (list, tuple))
+        return elementwise(as_number, np.asarray(value, dtype=object) if several else value)
+
     def instance(self, node: ast.AST, value: Any, kind: Any) -> bool:
         """isinstance: a number of the state counts as a float."""
         del node
@@ -284,6 +324,13 @@ class Switching:
         if given or isinstance(values, dict):
             raise self.fail(node, f"a sum with {', '.join(given) or 'a dict'} is not followed")
         return sum((as_number(v) for v in np.ravel(np.asarray(values, dtype=object))), *start)
+
+    def inner(self, node: ast.AST, a: Any, b: Any) -> Any:
+        """np.vdot: the sum of the products of all entries."""
+        first, second = (np.ravel(np.asarray(v, dtype=object)).tolist() for v in (a, b))
+        if len(first) != len(second):
+            raise self.fail(node, f"np.vdot of {len(first)} and {len(second)} entries")
+        return sum(as_number(u) * as_number(v) for u, v in zip(first, second, strict=True))
 
     def norm(self, node: ast.AST, values: Any) -> Any:
         """The Euclidean norm."""
@@ -324,6 +371,10 @@ class Switching:
     def divided(self, node: ast.AST, a: Any, b: Any) -> Any:
         """A // b."""
         return elementwise(lambda u, v: self._step(node, "floor", u, v), a, b)
+
+    def divided_and_rest(self, node: ast.AST, a: Any, b: Any) -> tuple[Any, Any]:
+        """divmod."""
+        return self.divided(node, a, b), self.mod(node, a, b)
 
     def floor(self, node: ast.AST, value: Any) -> Any:
         """The largest whole number that is not larger."""
