@@ -1,7 +1,8 @@
-"""Outputs in exported Python and C: formulas of the state, with the multiplier for a sign that is slid on."""
+"""Outputs in exported models: formulas of the state, with the multiplier for a sign that is slid on."""
 
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -89,3 +90,58 @@ def test_15_6_outputs_in_stick_hold_the_multiplier(tmp_path: Path) -> None:
     result = load(export_system(system, tmp_path / "s.py", x0=(0.1, 0), t_span=(0, 1))).run()
     assert result.outputs["sign"] == pytest.approx([-0.2] * len(result.t), abs=1e-12)
     assert result.outputs["mean"] == pytest.approx([1.8] * len(result.t), abs=1e-12)
+
+
+@pytest.mark.parametrize(("make", "seeds"), [(driven, (0, 1, 2)), (joined, (0, 1, 2))])
+def test_outputs_of_the_modelica_text_are_those_of_the_exact_run(
+    make: Callable[..., Problem], seeds: tuple[int, ...], tmp_path: Path
+) -> None:
+    rumoca = pytest.importorskip("rumoca")
+    for seed in seeds:
+        problem = make(np.random.default_rng(seed))
+        solution, span = solve(problem, rtol=1e-11, atol=1e-13), problem.t_span[1]
+        path = export_system(problem, tmp_path / "Model.mo")
+        assert not [note for note in rumoca.validate(path) if str(note.level) == "error"]
+        config = rumoca.SimConfig(rtol=1e-9, atol=1e-11)
+        run = rumoca.Session().load(path, model="Model").simulate((0.0, span), dt=span / 97, config=config)
+        times, ends = np.array(run.time), [event.t for event in solution.events]
+        clear = [k for k, time in enumerate(times) if all(abs(time - end) > 1e-3 for end in ends)]
+        assert len(clear) > 50
+        for name in problem.system.outputs:
+            expected = solution.evaluate(name, times[clear])
+            word = f"{name}_" if name == "product" else name  # a function of Modelica
+            assert np.array(run[word])[clear] == pytest.approx(expected, rel=1e-4, abs=1e-4), name
+
+
+def test_names_of_outputs_that_modelica_and_fmi_have_not_are_told_beside_them(tmp_path: Path) -> None:
+    """No reason to refuse a model: velocity is a function of the text, der a word, and letters are ASCII."""
+    system = System(
+        {x: v, v: -x - sign(v)}, outputs={"velocity": v, "der": -v, "kraft_\u00fc": sign(v), "plain": x},
+    )  # fmt: skip
+    text = export_system(system, tmp_path / "Words.mo", x0=(1.4, 0.3), t_span=(0, 1)).read_text("utf-8")
+    assert 'output Real velocity_ "velocity";' in text
+    assert 'output Real der_ "der";' in text
+    assert 'output Real output3_ "kraft_' in text
+    assert "output Real plain;" in text
+    rumoca = pytest.importorskip("rumoca")
+    run = rumoca.Session().load(tmp_path / "Words.mo", model="Words").simulate((0.0, 1.0), dt=0.1)
+    assert np.array(run["velocity_"]) == pytest.approx(np.array(run["v"]), abs=1e-9)
+
+
+@pytest.mark.parametrize("make", [driven, joined, dropped])
+def test_outputs_of_the_fmu_are_those_of_the_exact_run(make: Callable[..., Problem], tmp_path: Path) -> None:
+    fmpy = pytest.importorskip("fmpy")
+    pytest.importorskip("pythonfmu3")
+    problem = make(np.random.default_rng(4))
+    solution = solve(problem, rtol=1e-11, atol=1e-13)
+    # A name of its own: all FMUs of a process have one Python, which loads a module once.
+    path = export_system(problem, tmp_path / f"outputs_{make.__name__}.fmu")
+    names = list(problem.system.outputs)
+    stop = float(problem.t_span[1])
+    run = fmpy.simulate_fmu(str(path), stop_time=stop, output_interval=stop / 40, output=names)
+    ends = [event.t for event in solution.events]
+    clear = [k for k, time in enumerate(run["time"]) if all(abs(time - end) > 1e-6 for end in ends)]
+    assert len(clear) > 30
+    for name in names:
+        expected = solution.evaluate(name, run["time"][clear])
+        assert run[name][clear] == pytest.approx(expected, rel=1e-6, abs=1e-6, nan_ok=True), name

@@ -25,7 +25,7 @@ from pythonfmu3 import (
 
 
 class {name}(Fmi3Slave):
-    """The automaton between communication points: the states, the mode and the number of events go out."""
+    """The automaton between communication points: states, outputs, mode and number of events go out."""
 
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
@@ -48,6 +48,12 @@ class {name}(Fmi3Slave):
                 initial=Fmi3Initial.exact,
                 getter=lambda i=i: self.start[i] if self.run is None else self.run.x[i],
                 setter=lambda value, i=i: self.start.__setitem__(i, value),
+            ))
+        for i, name in enumerate(Model.OUTPUTS):
+            self.register_variable(Float64(
+                {shown}[i], causality=Fmi3Causality.output, variability=Fmi3Variability.continuous,
+                initial=Fmi3Initial.calculated, description=name,
+                getter=lambda i=i: 0.0 if self.run is None else self.run.outputs()[i],
             ))
         for i, surface in enumerate(Model.SURFACES):
             self.register_variable(Int32(
@@ -104,10 +110,11 @@ def fmu_script(
     eq: Equations, values: Sequence[float], x0: Sequence[float], t_span: Sequence[float] | None, name: str
 ) -> str:
     """The Python module with the class that pythonfmu3 calls."""
-    taken = {*eq.system.states, *eq.system.parameters.names}
+    shown = [q if PLAIN.match(q) else f"output_{k}" for k, q in enumerate(eq.system.outputs, 1)]
+    taken = {*eq.system.states, *eq.system.parameters.names, *shown}
     clash = max((len(q) - len(q.rstrip("_")) for q in taken), default=0)
     end = "_" * (clash + 1) if taken & {"time", "events"} or any(q.startswith("mode_") for q in taken) else ""
-    words = {"time": f"time{end}", "mode": f"mode_{end}", "count": f"events{end}"}
+    words = {"time": f"time{end}", "mode": f"mode_{end}", "count": f"events{end}", "shown": repr(shown)}
     experiment = "pass"
     if t_span is not None:
         start, stop = (float(q) for q in t_span)

@@ -67,9 +67,24 @@ def _rate(row: str, i: int, field: str, n: int) -> str:
 
 def velocity_function(n: int, m: int, k: int) -> list[str]:
     """The field of the mode: while sliding, both sides combined so that dh/dt = 0."""
+    local, lines = _parts(n, m)
+    sums = [f"f[{j + 1}] := low[{j + 1}]" for j in range(n)]
+    for i in range(m):
+        sums = [f"{q} + part{i + 1}*(high{i + 1}[{j + 1}] - low[{j + 1}])" for j, q in enumerate(sums)]
+    return _straight("velocity", f"{_inputs(n, m, k)} output Real f[{n}];", local, [*lines, *sums])
+
+
+def multipliers_function(n: int, m: int, k: int, end: str) -> list[str]:
+    """The sign of every surface, of one that is slid on the multiplier with which dh/dt = 0."""
+    local, lines = _parts(n, m)
+    lines += [f"s[{i + 1}] := if m[{i + 1}] == 0 then 2*part{i + 1} - 1 else m[{i + 1}]" for i in range(m)]
+    return _straight(f"multipliers{end}", f"{_inputs(n, m, k)} output Real s[{m}];", local, lines)
+
+
+def _parts(n: int, m: int) -> tuple[list[str], list[str]]:
+    """Variables and lines: the share of the upper side where each surface is slid on, 0 elsewhere."""
     local, lines = [f"Real g[{m}, {n + 1}]", f"Real low[{n}]"], []
     lines += [f"low := field(t, x, p, {_signs(m, -1)}, m)", "g := gradients(t, x, p, m)"]
-    sums = [f"f[{j + 1}] := low[{j + 1}]" for j in range(n)]
     for i in range(m):
         high, part = f"high{i + 1}", f"part{i + 1}"
         local += [f"Real {high}[{n}]", f"Real {part}", f"Real minus{i + 1}", f"Real plus{i + 1}"]
@@ -77,8 +92,7 @@ def velocity_function(n: int, m: int, k: int) -> list[str]:
         lines.append(f"minus{i + 1} := {_rate('g', i, 'low', n)}")
         lines.append(f"plus{i + 1} := {_rate('g', i, high, n)}")
         lines.append(f"{part} := if m[{i + 1}] == 0 then minus{i + 1}/(minus{i + 1} - plus{i + 1}) else 0")
-        sums = [f"{q} + {part}*({high}[{j + 1}] - low[{j + 1}])" for j, q in enumerate(sums)]
-    return _straight("velocity", f"{_inputs(n, m, k)} output Real f[{n}];", local, [*lines, *sums])
+    return local, lines
 
 
 def rates_function(n: int, m: int, k: int) -> list[str]:

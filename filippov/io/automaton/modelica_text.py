@@ -7,18 +7,19 @@ event, accumulations) ends the run with a sentence. The mode and the start are t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from sympy import Float
 
 from filippov.base.errors import ModelError
 from filippov.base.escape import printable
 from filippov.io.automaton.equations import Equations, names_of
-from filippov.io.automaton.fmu import check_plain
+from filippov.io.automaton.fmu import PLAIN, check_plain
 from filippov.io.automaton.modelica_functions import (
     HELPERS,
     after_function,
     function,
+    multipliers_function,
     rates_function,
     slides,
     velocity_function,
@@ -50,7 +51,7 @@ def modelica_text(
     system, form = eq.system, eq.form
     n, m, k = len(form.x), len(form.h), len(form.p)
     end = "_"
-    while any(word.endswith(end) for word in (*system.states, *system.parameters.names)):
+    while any(word.endswith(end) for word in (*system.states, *system.parameters.names, *system.outputs)):
         end += "_"
     here = f"{{{', '.join(system.states)}}}", f"{{{', '.join(system.parameters.names) or '0'}}}"
     point = f"time, {here[0]}, {here[1]}"
@@ -65,6 +66,11 @@ def modelica_text(
     lines += [
         f"  Real {q}(start = {float(v)!r}, fixed = true);" for q, v in zip(system.states, x0, strict=True)
     ]
+    shown = _output_names(system.outputs, end)
+    lines += [
+        f"  output Real {word}{'' if word == q else f' {_string(q)}'};"
+        for word, q in zip(shown, system.outputs, strict=True)
+    ]
     heights = _heights(eq, values, x0, float(t_span[0]))
     for i, surface in enumerate(system.surfaces):
         free = "true" if mode[i] and abs(heights[i]) > 1e-9 else "false"
@@ -72,6 +78,8 @@ def modelica_text(
         lines.append(f'  Boolean free{i + 1}{end}(start = {free}, fixed = true) "clear of the surface";')
         lines.append(f"  Boolean event{i + 1}{end}(start = false, fixed = true);")
     lines += [f"  Real f{end}[{n}]; Real h{end}[{m}]; Real r{end}[{2 * m}];"]
+    if shown:
+        lines.append(f"  Real o{end}[{len(shown)}];")
     jumps = list(_jumps(eq))
     if jumps:
         lines.append(f"  discrete Real x{end}[{n}]; discrete Real m{end}[{m}];")
@@ -93,8 +101,16 @@ def modelica_text(
                 targets = [(f"y[{j + 1}]", e.xreplace(changed)) for j, e in enumerate(after)]
                 lines += function(eq, f"{word}{i + 1}{end}", f"{moded} y[{n}];", targets)
                 lines += after_function(eq, f"{word}{i + 1}", end)
+    if shown:
+        lines += multipliers_function(n, m, k, end)
+        given = [(f"y[{j + 1}]", e) for j, e in enumerate(eq.outputs)]
+        lines += function(eq, f"output_values{end}", f"{signs} y[{len(shown)}];", given)
     lines += [*velocity_function(n, m, k), *rates_function(n, m, k), "equation"]
     lines += [f"  f{end} = velocity({point}, {{{modes}}});"]
+    if shown:
+        sign = f"multipliers{end}({point}, {{{modes}}})"
+        lines.append(f"  o{end} = output_values{end}({point}, {sign}, {{{modes}}});")
+        lines += [f"  {word} = o{end}[{j + 1}];" for j, word in enumerate(shown)]
     lines += [f"  der({q}) = f{end}[{j + 1}];" for j, q in enumerate(system.states)]
     lines += [f"  h{end} = guards({point}, {{{old}}});", f"  r{end} = rates({point}, {{{old}}});"]
     clocks = names_of(form, eq.modes)
@@ -149,6 +165,12 @@ def _check(eq: Equations, name: str, mode: Sequence[int]) -> None:
             raise ModelError(
                 f"the state rests on surface {surface.name!r}, which the Modelica text does not hold."
             )
+
+
+def _output_names(outputs: Iterable[str], end: str) -> list[str]:
+    """What outputs are called: by number where the name has no form, with an end where it is a word."""
+    named = [q if PLAIN.match(q) else f"output{k}{end}" for k, q in enumerate(outputs, 1)]
+    return [q + end if q in TAKEN else q for q in named]
 
 
 def _jumps(eq: Equations) -> Iterator[tuple[str, int]]:
