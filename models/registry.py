@@ -16,7 +16,6 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import ModelError, UsageError
-from filippov.base.given import shown
 from filippov.base.keywords import constructor, keywords
 from filippov.base.names import closest
 
@@ -231,6 +230,7 @@ def _load(name: str) -> Model:
 
 def _as_model(name: str, loaded: Any, source: str) -> Model:
     """What an entry point names as a Model under the name of the entry point."""
+    from filippov.base.given import shown
     from filippov.model.system import System
     from filippov.solving.state.problem import Problem
 
