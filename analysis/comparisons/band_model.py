@@ -62,6 +62,14 @@ class BandModel:
     attracted: bool = False
 
     def __post_init__(self) -> None:
+        given: object = self.stick
+        if given is not None and not isinstance(given, Mapping):
+            listed = isinstance(given, Sequence) and not isinstance(given, str)
+            if not listed or not given or not all(isinstance(mode, Mapping) for mode in given):
+                raise UsageError(
+                    f"{self.name}: stick is {given!r}, expected a dict from surface to sign such as "
+                    "{'band upper': '-', 'band lower': '+'}, or a list of such dicts."
+                )
         for surface, sign in (item for mode in self.modes() for item in mode.items()):
             if sign not in _SIGNS:
                 raise UsageError(

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 import sympy
+from scipy.linalg import matrix_balance
 from sympy import Expr, Rational, Symbol
 
 from filippov.analysis.algebra import linalg
@@ -48,6 +49,15 @@ class Cone:
     def at(self, direction: Array) -> Array:
         """The Jacobian of the side in which a direction lies."""
         return self.sides[tuple(1 if v >= 0 else -1 for v in self.rows @ direction)]
+
+    def balanced(self) -> tuple[Cone, Array]:
+        """The same in units of the states in which the matrices are of one size, and these units (n,)."""
+        sizes = sum(np.abs(A) for A in self.sides.values())
+        _, (units, _) = matrix_balance(sizes, permute=False, separate=True)
+        sides = {signs: A * units / units[:, None] for signs, A in self.sides.items()}
+        rows = self.rows * units
+        size = np.linalg.norm(rows, axis=1, keepdims=True)
+        return Cone(rows / np.where(size > 0, size, 1.0), sides), units
 
     def leaves(self) -> bool:
         """Whether an eigenvector to an eigenvalue > 0 lies inside the cone of its own side."""
@@ -204,6 +214,9 @@ def _rests(context: Context, end: EquilibriumPoint, at: Cone) -> list[Array]:
 
 def _decided(found: Cone, rest: Sequence[Array], where: str) -> tuple[Answer, Statement]:
     n = found.rows.shape[1]
+    # What counts as 0 does not depend on the units of the states.
+    found, units = found.balanced()
+    rest = [r / units for r in rest]
     if found.leaves():
         return "unstable", Statement(f"{where}: on one of its sides a solution leads straight away")
     first, *others = found.sides.values()

@@ -15,6 +15,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
+
 Array = npt.NDArray[np.float64]
 # Samples of a turn between which a sign change of g is looked for, and what counts as 0 of A's size.
 SAMPLES, ZERO = 4096, 1e-7
@@ -38,9 +40,10 @@ def planar_cone(matrix_at: Callable[[Array], Array], rest: Sequence[Array] = ())
     size = float(np.max(np.hypot(turn, grow)))
     if not (np.isfinite(size) and size > 0):
         return None
-    if np.min(np.abs(turn)) > ZERO * size and (np.all(turn > 0) or np.all(turn < 0)):
+    own = _eigenvectors(directions, matrix_at)
+    if not own and np.min(np.abs(turn)) > ZERO * size and (np.all(turn > 0) or np.all(turn < 0)):
         return _turns(phi, matrix_at)
-    rays = [_ray(a, b, matrix_at) for a, b in _changes(phi, turn)]
+    rays = own + [_ray(a, b, matrix_at) for a, b in _changes(phi, turn)]
     rays += [(directions[j], float(grow[j])) for j in np.flatnonzero(np.abs(turn) <= ZERO * size)]
     rates = [k for e, k in rays if all(e @ r < (1.0 - NEAR) * np.hypot(*r) for r in rest)]
     if not rates:
@@ -48,6 +51,24 @@ def planar_cone(matrix_at: Callable[[Array], Array], rest: Sequence[Array] = ())
     if max(rates) > ZERO * size:
         return False
     return True if max(rates) < -ZERO * size else None
+
+
+def _eigenvectors(
+    directions: Array, matrix_at: Callable[[Array], Array]
+) -> list[tuple[Array, float]]:
+    """The rays along eigenvectors inside their sectors, with their roots: two may be closer than samples."""
+    found: list[tuple[Array, float]] = []
+    seen: list[Array] = []
+    for A in (matrix_at(e) for e in directions[:-1]):
+        if any(A is other or np.array_equal(A, other) for other in seen):
+            continue
+        seen.append(A)
+        values, vectors = linalg.eig(A)
+        for value, vector in zip(values, vectors.T, strict=True):
+            if value.imag == 0.0:
+                e = vector.real / np.hypot(*vector.real)
+                found += [(k * e, float(value.real)) for k in (1, -1) if np.array_equal(matrix_at(k * e), A)]
+    return found
 
 
 def _changes(phi: Array, turn: Array) -> list[tuple[float, float]]:

@@ -15,6 +15,7 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.budget import Clock
 from filippov.analysis.algebra.polynomial import Verdict, count_roots, exact
 from filippov.analysis.algebra.routh_hurwitz import RouthHurwitz, routh_hurwitz
+from filippov.analysis.local_stability.linear_growth import is_bounded
 from filippov.analysis.local_stability.stability_result import EIGENVALUE, SetStability, Solved
 from filippov.analysis.steady.linearisation import SlidingLinearisation
 from filippov.base.errors import UsageError
@@ -148,20 +149,10 @@ class Context:
     def bounded(self, matrix: sympy.Matrix) -> bool | None:
         """Whether exp(A t) stays bounded: no root on the right, those on the axis with all eigenvectors.
 
-        None where the entries are no numbers at the parameter values.
+        None where the entries are no numbers at the parameter values, or rounding leaves it open.
         """
-        A = self.numbers(matrix)
-        if not np.all(np.isfinite(A)):
-            return None
-        near = 1e-6 * max(1.0, float(np.linalg.norm(A)))
-        roots = linalg.eigvals(A)
-        for root in roots[roots.real > -near]:
-            if root.real > near:
-                return False
-            sizes = linalg.svd(A - 1j * root.imag * np.eye(len(A)), compute_uv=False)
-            if np.sum(sizes <= 10 * near) < np.sum(np.abs(roots - 1j * root.imag) <= 10 * near):
-                return False
-        return True
+        plain = matrix.applyfunc(lambda e: sympy.S(e).subs(self.values))
+        return None if plain.free_symbols else is_bounded(plain)
 
     def semisimple(
         self, sliding: SlidingLinearisation, zeros: int, more: Mapping[Symbol, Expr] | None = None

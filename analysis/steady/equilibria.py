@@ -18,7 +18,7 @@ from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
 from filippov.analysis.algebra.exact_form import exact_form
 from filippov.analysis.algebra.polynomial import exact, in_exponents
 from filippov.analysis.algebra.time_bounds import bounds
-from filippov.analysis.steady.branches import DegenerateError, Elimination, Family, UnsolvedError
+from filippov.analysis.steady.branches import DegenerateError, Elimination, Family, UnsolvedError, short
 from filippov.analysis.steady.clocks import after, mover
 from filippov.analysis.steady.equilibria_numeric import NumericMode, numeric_equilibria
 from filippov.analysis.steady.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet, Missing
@@ -331,10 +331,9 @@ def _kept(
     notes = []
     for e in found:
         name = mover(system, e, p, numbers)
-        part = _unmoved(system, e, numbers) if name is not None else None
-        if name is None or part is not None:
-            kept.append(part or e)
-        else:
+        parts = _unmoved(system, e, numbers) if name is not None else [e]
+        kept += parts
+        if not parts:
             text = f"what balances the field is moved by {name!r} and is no equilibrium."
             notes.append(f"mode {e.mode!r}: {text}")
     return kept, list(dict.fromkeys(notes))
@@ -342,33 +341,57 @@ def _kept(
 
 def _unmoved(
     system: System, found: EquilibriumPoint | EquilibriumSet, numbers: Mapping[Symbol, Expr]
-) -> EquilibriumPoint | None:
-    """The one point of a set that all resets of time events keep; None where there is none, or more."""
+) -> list[EquilibriumPoint | EquilibriumSet]:
+    """The isolated points of a set that all resets of time events keep, where polynomials say them."""
     form = exact_form(system)
     if form is None or not isinstance(found, EquilibriumSet):
-        return None
+        return []
     place = dict(zip(form.x, found.x, strict=True))
     changes = [
-        (e - x).subs(place, simultaneous=True)
+        short((e - x).subs(place, simultaneous=True))
         for k, event in enumerate(system.time_events)
         if event.reset is not None
         for x, e in zip(form.x, after(system, k, found.mode), strict=True)
     ]
+    changes = [e for e in changes if e != 0]
     if any(e.has(symbols.t) or not e.is_polynomial(*found.free) for e in changes):
-        return None
+        return []
     try:
-        solved = list(sympy.linsolve([e for e in changes if e != 0], *found.free))
+        solved = [tuple(c) for c in sympy.linsolve(changes, *found.free)]
     except (ValueError, NotImplementedError):
-        return None
-    if len(solved) != 1 or any(e.has(*found.free) for e in solved[0]):
-        return None
-    at = dict(zip(found.free, solved[0], strict=True))
-    inside = [
-        float(low) < float(at[q].subs(numbers)) < float(high)
-        for q, (low, high) in zip(found.free, found.bounds, strict=True)
-    ]
-    if not all(inside):
-        return None
+        solved = _roots(changes, found.free, numbers)
+    out: list[EquilibriumPoint | EquilibriumSet] = []
+    for c in solved:
+        if any(e.has(*found.free) for e in c):
+            return []
+        at = dict(zip(found.free, c, strict=True))
+        inside = [
+            float(low) < float(at[q].subs(numbers)) < float(high)
+            for q, (low, high) in zip(found.free, found.bounds, strict=True)
+        ]
+        if all(inside):
+            out.append(_one_of(found, at, numbers))
+    return out
+
+
+def _roots(
+    changes: Sequence[Expr], free: Sequence[Symbol], numbers: Mapping[Symbol, Expr]
+) -> list[tuple[Expr, ...]]:
+    """The common real roots of polynomials in one symbol, at the parameter values; [] for more symbols."""
+    if len(free) != 1:
+        return []
+    common = sympy.S.Zero
+    for e in changes:
+        common = sympy.gcd(common, sympy.numer(sympy.together(e.subs(numbers))))
+    if not common.has(free[0]) or common.free_symbols - {free[0]}:
+        return []
+    return [(root,) for root in sympy.Poly(common, free[0]).sqf_part().real_roots()]
+
+
+def _one_of(
+    found: EquilibriumSet, at: Mapping[Symbol, Expr], numbers: Mapping[Symbol, Expr]
+) -> EquilibriumPoint:
+    """The point of a set at values of its free symbols."""
     x = tuple(e.subs(at) for e in found.x)
     multipliers = tuple((name, e.subs(at)) for name, e in found.multipliers)
     return EquilibriumPoint(
