@@ -37,6 +37,14 @@ NODES = 200
 _SIGNS = {"-": (-1, 0), "+": (1, 0)}
 
 
+def _is_stick(given: Any) -> bool:
+    """Whether a mode of stick was given, or a list of these."""
+    if isinstance(given, Mapping):
+        return True
+    listed = isinstance(given, Sequence) and not isinstance(given, str)
+    return listed and bool(given) and all(isinstance(mode, Mapping) for mode in given)
+
+
 @constructor()
 @dataclass(frozen=True)
 class BandModel:
@@ -62,14 +70,11 @@ class BandModel:
     attracted: bool = False
 
     def __post_init__(self) -> None:
-        given: object = self.stick
-        if given is not None and not isinstance(given, Mapping):
-            listed = isinstance(given, Sequence) and not isinstance(given, str)
-            if not listed or not given or not all(isinstance(mode, Mapping) for mode in given):
-                raise UsageError(
-                    f"{self.name}: stick is {given!r}, expected a dict from surface to sign such as "
-                    "{'band upper': '-', 'band lower': '+'}, or a list of such dicts."
-                )
+        if self.stick is not None and not _is_stick(self.stick):
+            raise UsageError(
+                f"{self.name}: stick is {self.stick!r}, expected a dict from surface to sign such as "
+                "{'band upper': '-', 'band lower': '+'}, or a list of such dicts."
+            )
         for surface, sign in (item for mode in self.modes() for item in mode.items()):
             if sign not in _SIGNS:
                 raise UsageError(

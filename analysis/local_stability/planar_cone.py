@@ -89,7 +89,12 @@ def _ray(a: float, b: float, matrix_at: Callable[[Array], Array]) -> tuple[Array
     """The invariant ray between two angles, and k on it."""
     from scipy.optimize import brentq
 
-    e = _unit(float(brentq(lambda q: _g(_unit(q), matrix_at), a, b, xtol=1e-14)))
+    def turn(angle: float) -> float:
+        return _g(_unit(angle), matrix_at)
+
+    # On a border the side of an angle is rounding, so that the signs at the ends may agree here.
+    inside = turn(a) * turn(b) < 0
+    e = _unit(float(brentq(turn, a, b, xtol=1e-14)) if inside else min(a, b, key=lambda q: abs(turn(q))))
     return e, float(e @ matrix_at(e) @ e)
 
 
