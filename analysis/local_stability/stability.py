@@ -35,6 +35,7 @@ from filippov.analysis.local_stability.stick_parts import Beside, Judged, beside
 from filippov.analysis.steady.equilibria import MOST_MODES, equilibria, mode_options, mode_signs
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Missing
 from filippov.analysis.steady.forcing import depends_on_time
+from filippov.analysis.steady.mode_order import existing_modes
 from filippov.analysis.steady.time_signs import (
     modes_without,
     with_time_surfaces,
@@ -159,7 +160,8 @@ def _unsearched(
 ) -> list[str]:
     """Modes that were not searched, beside what is called asymptotically stable."""
     options = mode_options(system)
-    if modes is None and math.prod(map(len, options)) <= MOST_MODES:
+    every = itertools.islice(existing_modes(system, options), MOST_MODES + 1)
+    if modes is None and len(list(every)) <= MOST_MODES:
         return []
     out: set[str] = set()
     for one in judged:

@@ -23,6 +23,7 @@ from filippov.analysis.steady.clocks import after, mover
 from filippov.analysis.steady.equilibria_numeric import NumericMode, numeric_equilibria
 from filippov.analysis.steady.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet, Missing
 from filippov.analysis.steady.existence import FAR, Existence, ModeProblem
+from filippov.analysis.steady.mode_order import existing_modes
 from filippov.analysis.steady.stops import with_stops
 from filippov.analysis.steady.time_signs import (
     SOON,
@@ -155,17 +156,15 @@ def _modes(system: System, modes: Sequence[str] | None) -> tuple[list[str], list
             mode_signs(system, mode)
         return list(dict.fromkeys(modes)), []
     options = mode_options(system)
-    total = 1
-    for option in options:
-        total *= len(option)
-    every = ("".join(m) for m in itertools.product(*options))
-    if total <= MOST_MODES:
+    every = list(itertools.islice(existing_modes(system, options), MOST_MODES + 1))
+    if len(every) <= MOST_MODES:
         return sorted(every, key=lambda m: m.count("0")), []
     note = Missing(
-        f"{total} modes are too many: those that slide on several surfaces were left out. Give modes=[...]."
+        f"more than {MOST_MODES} modes are too many: those that slide on several surfaces, and all beyond "
+        "this number, were left out. Give modes=[...]."
     )
-    few = (m for m in itertools.islice(every, 100_000) if m.count("0") <= 1)
-    return list(itertools.islice(few, MOST_MODES)), [note]
+    some = itertools.islice(existing_modes(system, options), 100_000)
+    return list(itertools.islice((m for m in some if m.count("0") <= 1), MOST_MODES)), [note]
 
 
 def _unsearched(system: System) -> list[str]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,6 +21,8 @@ from filippov.model.table import dynamic
 # Each inner knot is a surface of the system.
 MOST_KNOTS = 64
 OUTSIDE = ("hold", "extend")
+# Of the slopes in an expression.
+DIGITS = 15
 
 
 class Table:
@@ -64,25 +69,25 @@ class Table:
     def __call__(self, u: Any) -> Expr:
         """The curve at an expression in states, parameters and time; a number at a number."""
         at = as_expression(u, "the argument of a table")
-        slopes = np.diff(self.y) / np.diff(self.x)
-        if self.outside == "hold":
-            slopes = np.concatenate(([0.0], slopes, [0.0]))
-            knots = self.x
-        else:
-            knots = self.x[1:-1]
         if not dynamic(at) and at.is_number:
             return sympy.Float(self.values(float(at)))
-        bends = 0.5 * np.diff(slopes)
-        # y = c + b u + sum of bends |u - x_k|, with c from the middle point.
-        mean = 0.5 * (slopes[0] + slopes[-1])
-        x0, y0 = float(self.x[0]), float(self.y[0])
-        constant = y0 - mean * x0 - float(np.sum(bends * np.abs(x0 - knots)))
+        x, y = ([Fraction(repr(q)) for q in row.tolist()] for row in (self.x, self.y))
+        slopes = [(q - p) / (b - a) for (a, b), (p, q) in zip(pairwise(x), pairwise(y), strict=True)]
+        if self.outside == "hold":
+            slopes, knots = [Fraction(0), *slopes, Fraction(0)], x
+        else:
+            knots = x[1:-1]
+        # y = c + b u + sum of bends |u - x_k|, where beyond the ends the slopes are what they are, such as 0:
+        # what rounding left of it would be a line that meets any level, far away.
+        bends, mean = _rounded([(q - p) / 2 for p, q in pairwise(slopes)], slopes[0], slopes[-1])
+        parts = (c * abs(x[0] - knot) for c, knot in zip(bends, knots, strict=True))
+        constant = y[0] - mean * x[0] - sum(parts)
         terms = [
-            float(bend) * sympy.Abs(at - float(knot))
+            _number(bend) * sympy.Abs(at - float(knot))
             for bend, knot in zip(bends, knots, strict=True)
-            if bend != 0.0
+            if bend != 0
         ]
-        return sympy.Add(sympy.Float(constant), sympy.Float(mean) * at if mean != 0.0 else 0, *terms)
+        return sympy.Add(_number(constant), _number(mean) * at if mean != 0 else 0, *terms)
 
     def values(self, u: Any) -> Any:
         """The curve at numbers, as an array like u."""
@@ -96,3 +101,26 @@ class Table:
 
     def __repr__(self) -> str:
         return f"Table({len(self.x)} points on [{self.x[0]:g}, {self.x[-1]:g}], outside={self.outside!r})"
+
+
+def _rounded(bends: list[Fraction], first: Fraction, last: Fraction) -> tuple[list[Fraction], Fraction]:
+    """Bends as decimals of DIGITS digits and the mean of the first and the last slope, which they lead to."""
+    largest = max((abs(c) for c in (*bends, first, last)), default=Fraction(0))
+    if largest == 0:
+        return bends, Fraction(0)
+    unit = Fraction(10) ** (math.floor(math.log10(largest)) + 1 - DIGITS)
+
+    def short(q: Fraction) -> Fraction:
+        return round(q / unit) * unit
+
+    first, last, out = short(first), short(last), [short(c) for c in bends]
+    if out:
+        k = max(range(len(out)), key=lambda i: abs(out[i]))
+        out[k] += (last - first) / 2 - sum(out)
+    return out, (first + last) / 2
+
+
+def _number(q: Fraction) -> Expr:
+    """A float where it stands for the number, as 0.1 does for 1/10, else the fraction."""
+    near = float(q)
+    return sympy.Float(near) if Fraction(repr(near)) == q else sympy.Rational(q.numerator, q.denominator)
