@@ -27,7 +27,8 @@ MOST_BRANCHES = 64
 ROUNDING = 1e-9
 # Work that one equation may take, in the units of a budget.
 ROOTS = 1.0
-# Of a polynomial in roots of the unknowns: its factors are sought in loops that no budget stops.
+# Of a polynomial in roots of the unknowns or exponentials: its factors are sought in loops that no budget
+# stops.
 MOST_DEGREE = 60
 
 Family = dict[Symbol, Expr]
@@ -310,7 +311,8 @@ def short(expression: Expr) -> Expr:
 def _degree(expression: Expr) -> int:
     """The largest degree in a base of powers, or in the root of it of which all its powers are whole ones.
 
-    An exponent that is a float has no such root, and a degree above all.
+    An exponent that is a float has no such root, and a degree above all. exp(-1521 v**2/100) is a power of
+    exp(v**2/100).
     """
     found: dict[Expr, set[sympy.Rational]] = {}
     for power in expression.atoms(sympy.Pow):
@@ -318,7 +320,7 @@ def _degree(expression: Expr) -> int:
             found.setdefault(power.base, set()).add(power.exp)
         elif power.exp.has(sympy.Float) and power.base.free_symbols:
             return MOST_DEGREE + 1
-    largest = 0
+    largest = _exponential_degree(expression)
     for base, exponents in found.items():
         if len(exponents) == 1 and not expression.has(sympy.Add):
             continue
@@ -327,6 +329,21 @@ def _degree(expression: Expr) -> int:
         every = [*exponents, sympy.S.One] if expression.xreplace(powers).has(base) else [*exponents]
         root = math.lcm(*(int(e.q) for e in every))
         largest = max(largest, *(abs(int(e * root)) for e in every))
+    return largest
+
+
+def _exponential_degree(expression: Expr) -> int:
+    """The largest degree in an exponential of which all exponentials with the same exponent are powers."""
+    found: dict[Expr, set[sympy.Rational]] = {}
+    for power in expression.atoms(sympy.exp):
+        for term in sympy.Add.make_args(power.exp.expand()):
+            number, rest = term.as_coeff_Mul(rational=True)
+            if rest.free_symbols:
+                found.setdefault(rest, set()).add(number)
+    largest = 0
+    for numbers in found.values():
+        root = math.lcm(*(int(q.q) for q in numbers))
+        largest = max(largest, *(abs(int(q * root)) for q in numbers))
     return largest
 
 
@@ -347,7 +364,10 @@ def _monomials(expression: Expr) -> list[Expr]:
 
 
 def _of_one_power(equation: Expr, unknown: Symbol) -> list[Expr] | None:
-    """The roots where the unknown stands in one power with a fraction as exponent alone, which is >= 0."""
+    """The roots where the unknown stands in one exponential, or in one power with a fraction as exponent."""
+    exponentials = [q for q in equation.atoms(sympy.exp) if q.has(unknown)]
+    if exponentials:
+        return _of_one_exponential(equation, unknown, exponentials)
     powers = [q for q in equation.atoms(sympy.Pow) if q.base.has(unknown)]
     y = sympy.Dummy()
     if len(powers) != 1 or not powers[0].exp.is_Number or powers[0].exp.is_Integer:
@@ -360,6 +380,18 @@ def _of_one_power(equation: Expr, unknown: Symbol) -> list[Expr] | None:
     if value.is_negative:
         return []
     return [(value ** (1 / power.exp) - of_base[1]) / of_base[0]]
+
+
+def _of_one_exponential(equation: Expr, unknown: Symbol, found: list[Expr]) -> list[Expr] | None:
+    y = sympy.Dummy()
+    of_power = _linear(equation.xreplace({found[0]: y}), y)
+    of_exponent = _linear(found[0].exp, unknown)
+    if len(found) > 1 or of_power is None or of_exponent is None:
+        return None
+    value = -of_power[1] / of_power[0]
+    if value.has(unknown) or of_exponent[1].has(unknown) or not value.is_number:
+        return None
+    return [(sympy.log(value) - of_exponent[1]) / of_exponent[0]] if value.is_positive else []
 
 
 def _linear(equation: Expr, unknown: Symbol) -> tuple[Expr, Expr] | None:

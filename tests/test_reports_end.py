@@ -1,0 +1,93 @@
+"""Reports of stability that end: exponentials of long decimals, and places in nested roots.
+
+The reports took a minute and more, in factors and minimal polynomials of high degree, of which a call takes
+long. Each must end within the default budget, with the sets and the verdicts that motions have.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sympy import Expr
+
+from filippov import System, exp, log, parameters, sign, solve, states
+from filippov.analysis import equilibria, stability_report
+from filippov.analysis.algebra.budget import Clock
+from filippov.analysis.local_stability.stability_result import StabilityResult
+from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+
+x, v = states("x v")
+AS = "asymptotically stable"
+WORK = 15.0  # million calls, about half of what a report may take
+
+# v' with one mass, and the ends of the set where it sticks.
+MASSES: dict[str, tuple[Expr, tuple[float, float]]] = {
+    "Stribeck and a slope": (
+        -0.6 * v - 0.8 * x - 0.5 * (1 - 0.1 * x) * (1 + 0.2 * exp(-15.21 * v**2)) * sign(v),
+        (-0.6 / 0.74, 0.6 / 0.86),
+    ),
+    "Stribeck and a factor": (
+        -0.1 * v - 0.4 * x - 0.5 * (1 + 0.1 * exp(-23.04 * v**2)) * (0.1 * x + 1) * sign(v),
+        (-0.55 / 0.455, 0.55 / 0.345),
+    ),
+}
+
+
+def report(system: System) -> StabilityResult:
+    """The report in the default budget, with less work than WORK."""
+    found = Clock(WORK).within(lambda: stability_report(system))
+    assert not found.notes
+    return found
+
+
+@pytest.mark.timeout(100)
+@pytest.mark.parametrize("name", MASSES)
+def test_reports_of_one_mass_end(name: str) -> None:
+    acceleration, ends = MASSES[name]
+    system = System({x: v, v: acceleration})
+    (item,) = report(system).items
+    found = item.equilibrium
+    assert isinstance(found, EquilibriumSet)
+    assert found.exact
+    assert item.answer == AS
+    np.testing.assert_allclose(found.bounds, [ends], atol=1e-8)
+    stick = [float(acceleration.subs({v: 0, x: q})) for q in ends]
+    assert stick[0] > 0 > stick[1]
+    for start in (ends[0] - 0.02, ends[1] + 0.02, sum(ends) / 2):
+        for speed in (-0.02, 0.02):
+            motion = solve(system, [start, speed], (0.0, 60.0))
+            assert abs(motion["v"][-1]) < 1e-6
+            assert ends[0] - 1e-6 < motion["x"][-1] < ends[1] + 1e-6
+
+
+@pytest.mark.timeout(100)
+def test_the_belt_with_a_bell_ends_in_formulas() -> None:
+    """Away from the belt's speed 1.8 x = 1.1 (1 + 0.1 exp(-15.21/4)) + 0.1."""
+    bell = 1 + 0.1 * exp(-15.21 * (v - 0.5) ** 2)
+    (item,) = report(System({x: v, v: 0.3 * v - 1.8 * x - 1.1 * bell * sign(v - 0.5) + 0.1})).items
+    assert item.answer == "unstable"
+    assert item.equilibrium.exact
+    place = (1.2 + 0.11 * np.exp(-15.21 / 4)) / 1.8
+    assert isinstance(item.equilibrium, EquilibriumPoint)
+    np.testing.assert_allclose(item.equilibrium.value, [place, 0.0])
+    # d(v')/dv = 0.3 and more: the bell rises with v below the belt's speed, where the sign is -1.
+    assert 0.3 + 1.1 * 0.1 * 15.21 * np.exp(-15.21 / 4) > 0
+
+
+@pytest.mark.timeout(100)
+def test_equilibria_with_an_exponential_of_a_long_decimal() -> None:
+    """A diode: 0.5 = 0.1 exp(x/0.0259)."""
+    p = parameters(k=0.5)
+    for system, place in (
+        (System({x: 0.5 - 0.1 * exp(x / 0.0259)}), 0.0259 * np.log(5)),
+        (System({x: 0.5 - 0.1 * exp(x / 0.0259) - 0.2 * sign(x)}), 0.0259 * np.log(3)),
+        (System({x: v, v: p.k - 0.1 * exp(x / 0.0259) - v}, parameters=p), 0.0259 * np.log(5)),
+    ):
+        found = equilibria(system, budget=3.0)
+        assert not found.notes
+        (point,) = found.points
+        assert point.x[0].has(log)
+        np.testing.assert_allclose(point.value[0], place)
+    none = equilibria(System({x: 0.5 + 0.1 * exp(x / 0.0259)}), budget=3.0)
+    assert not none.points
+    assert not none.notes
