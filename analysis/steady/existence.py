@@ -214,7 +214,8 @@ class Existence:
         s_value = [self.number(e) for e in s]
         if any(v is None for v in (*value, *s_value)):
             return None
-        conditions = (b.g > 0 if b.strict else b.g >= 0 for b in bounds)
+        # A number has been compared above: sympy forms its minimal polynomial to do so.
+        conditions = (b.g > 0 if b.strict else b.g >= 0 for b in bounds if b.g.free_symbols)
         return EquilibriumPoint(
             problem.mode,
             tuple(q.name for q in problem.x),
