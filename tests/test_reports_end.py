@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sympy import Expr
+import sympy
+from sympy import Expr, Rational
 
 from filippov import System, exp, log, parameters, sign, solve, states
 from filippov.analysis import equilibria, stability_report
 from filippov.analysis.algebra.budget import Clock
+from filippov.analysis.algebra.polynomial import in_large_field
 from filippov.analysis.local_stability.stability_result import StabilityResult
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.steady.linearisation import characteristic_polynomial
 
-x, v = states("x v")
+x, y, v = states("x y v")
 AS = "asymptotically stable"
 WORK = 15.0  # million calls, about half of what a report may take
 
@@ -80,6 +83,53 @@ def test_the_belt_with_a_bell_ends_in_formulas() -> None:
     np.testing.assert_allclose(item.equilibrium.value, [place, 0.0])
     # d(v')/dv = 0.3 and more: the bell rises with v below the belt's speed, where the sign is -1.
     assert 0.3 + 1.1 * 0.1 * 15.21 * np.exp(-15.21 / 4) > 0
+
+
+@pytest.mark.timeout(100)
+def test_a_pseudo_equilibrium_in_nested_roots_ends() -> None:
+    """Beside roots of the Jacobians, by numpy; the far pseudo-equilibrium is where both fields lead away."""
+    above = [
+        0.6 * x**2 - 1.5 * x - 2.5 * y + 0.5,
+        0.6 * x**2 - 1.3 * x * y + 2.5 * x - 1.0 * y,
+    ]
+    below = [
+        -0.3 * x**2 - 0.8 * x - 0.5 * y - 1.0,
+        -0.2 * x**2 + 0.3 * x * y + 0.5 * x - 0.4 * y,
+    ]
+    system = System.from_modes(h=[y], fields={"+": above, "-": below}, states=[x, y])
+    found = report(system)
+    answers = []
+    for item in found.items:
+        assert isinstance(item.equilibrium, EquilibriumPoint)
+        answers.append((item.equilibrium.mode, item.answer))
+        place = dict(zip((x, y), item.equilibrium.value, strict=True))
+        if item.equilibrium.mode == "0":
+            up, down = (float(f[1].subs(place)) for f in (above, below))
+            assert item.answer == "unstable"
+            assert abs(place[x]) < 1e-12 or up > 0 > down
+            continue
+        field = sympy.Matrix(above if item.equilibrium.mode == "+" else below)
+        np.testing.assert_allclose(np.array(field.subs(place), dtype=float), 0, atol=1e-9)
+        jacobian = np.array(field.jacobian([x, y]).subs(place), dtype=float)
+        largest = np.linalg.eigvals(jacobian).real.max()
+        assert item.answer == (AS if largest < 0 else "unstable")
+    assert sorted(answers) == sorted(
+        [("+", "unstable"), ("+", AS), ("+", "unstable"), ("-", AS), ("-", "unstable"), ("-", "unstable")]
+        + [("0", "unstable")] * 2
+    )
+
+
+@pytest.mark.timeout(100)
+def test_polynomials_of_numbers_in_large_fields() -> None:
+    c = sympy.cbrt(sympy.sqrt(66223001) / 60492 + Rational(10403641, 77308776))
+    c += Rational(4213, 181476) / c
+    q = (c + sympy.sqrt(Rational(50753, 213) + 322 * c - 491 * c**2)) / (c - Rational(161, 71))
+    matrix = sympy.Matrix([[q / (1 + q), (1 + q) / (2 + q)], [q**2 / (3 + q), (2 - q) / (1 + q**2)]])
+    assert in_large_field(matrix)
+    assert not in_large_field([sympy.sqrt(2), sympy.cbrt(3)])
+    polynomial = Clock(1.0).within(lambda: characteristic_polynomial(matrix))
+    expected = np.poly(np.array(matrix.evalf(30), dtype=float))
+    np.testing.assert_allclose(np.array([c.evalf(30) for c in polynomial], dtype=float), expected, atol=1e-10)
 
 
 @pytest.mark.timeout(100)

@@ -180,8 +180,8 @@ def count_roots(polynomial: Any, s: sympy.Symbol | None = None) -> RootCounts:
     w = s^2, whose roots w < 0 are the pairs on the axis and whose other roots lie symmetric about it.
     """
     given = coefficients(polynomial, s)
-    roots = {q for c in given for q in c.atoms(sympy.Pow) if q.exp.is_Rational and not q.exp.is_Integer}
-    if math.prod(q.exp.q for q in roots) > LARGEST_FIELD:
+    roots = roots_in(given)
+    if in_large_field(given):
         raise UsageError(
             f"coefficients with {len(roots)} different roots: roots are counted in fields of degree up to "
             f"{LARGEST_FIELD}. Give them as rational numbers or floats."
@@ -211,6 +211,17 @@ def count_roots(polynomial: Any, s: sympy.Symbol | None = None) -> RootCounts:
         lhp=(degree + left_less_right) // 2 + symmetric,
         axis_multiplicities=tuple(sorted(on_axis.items())),
     )
+
+
+def roots_in(expressions: Iterable[sympy.Expr]) -> set[sympy.Expr]:
+    """The powers with fractions as exponents that occur."""
+    powers = {q for e in expressions for q in e.atoms(sympy.Pow)}
+    return {q for q in powers if q.exp.is_Rational and not q.exp.is_Integer}
+
+
+def in_large_field(expressions: Iterable[sympy.Expr]) -> bool:
+    """Whether exact arithmetic with these numbers takes place in a field of a degree above LARGEST_FIELD."""
+    return bool(math.prod(q.exp.q for q in roots_in(expressions)) > LARGEST_FIELD)
 
 
 def sign_of_number(number: sympy.Expr) -> int:

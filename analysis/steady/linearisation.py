@@ -28,6 +28,7 @@ from filippov.analysis.algebra.exponents import (
     exponent_cases,
     size_powers,
 )
+from filippov.analysis.algebra.polynomial import in_large_field
 from filippov.analysis.steady.branches import short
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.analysis.steady.existence import at_rest
@@ -140,7 +141,10 @@ def _sliding(
     tangent = sympy.Matrix.hstack(*c.nullspace()) if c.cols > c.rank() else sympy.zeros(c.cols, 0)
     if short(normal.det()).is_zero:
         return SlidingLinearisation(normal, None, c, tangent)
-    matrix = ((sympy.eye(a.rows) - g * normal.inv() * c) * a).applyfunc(short)
+    # Elimination asks of each pivot whether it is 0, which takes long in a large field.
+    large = not normal.free_symbols and in_large_field(normal)
+    inverse = normal.adjugate() / normal.det() if large else normal.inv()
+    matrix = ((sympy.eye(a.rows) - g * inverse * c) * a).applyfunc(short)
     return SlidingLinearisation(normal, matrix, c, tangent)
 
 
@@ -236,7 +240,12 @@ def _at(matrix: sympy.Matrix, point: Mapping[Symbol, Expr]) -> sympy.Matrix:
 
 
 def characteristic_polynomial(matrix: sympy.Matrix) -> tuple[Expr, ...]:
-    """Coefficients of det(s - A), highest first."""
+    """Coefficients of det(s - A), highest first.
+
+    Of entries in a large field they are left as sums and products: sympy would look for the field.
+    """
+    if not matrix.free_symbols and in_large_field(matrix):
+        return _leverrier(matrix)
     variable = Dummy("lambda")
     try:
         return tuple(short(c) for c in matrix.charpoly(variable).all_coeffs())
@@ -249,6 +258,6 @@ def _leverrier(matrix: sympy.Matrix) -> tuple[Expr, ...]:
     n, coefficients = matrix.rows, [sympy.S.One]
     M = sympy.zeros(n, n)
     for k in range(1, n + 1):
-        M = matrix * M + coefficients[-1] * sympy.eye(n)
+        M = matrix * M + sympy.eye(n) * coefficients[-1]
         coefficients.append(short(-(matrix * M).trace() / k))
     return tuple(coefficients)
