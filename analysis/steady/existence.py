@@ -14,12 +14,12 @@ from sympy import Expr, Symbol
 
 from filippov.analysis.algebra.polynomial import plain_exponents
 from filippov.analysis.steady.branches import Family, short
+from filippov.analysis.steady.edges import TOLERANCE, real_number, side
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, PointKind
 from filippov.analysis.steady.interior import inner_point, is_affine
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
 
-TOLERANCE = 1e-9
 FAR = 1e6
 # Borders of a set that are taken in formulas, and the places that are looked at where there are none.
 MOST_ROOTS, SAMPLES = 20, 4001
@@ -200,10 +200,10 @@ class Existence:
         """Return the point if the bounds hold at the parameter values."""
         problem = self.problem
         bounds = [replace(b, g=short(b.g.subs(branch))) for b in problem.bounds]
-        numbers = [self.number(b.g) for b in bounds]
-        if any(g is None or g < -TOLERANCE for g in numbers):
+        sides = [side(b.g, branch, self.values) for b in problem.bounds]
+        if any(g is None or g < 0 for g in sides):
             return None
-        edge = [abs(g) <= TOLERANCE for g in numbers if g is not None]
+        edge = [g == 0 for g in sides]
         # On a switching surface it belongs to the sliding mode, whose closure holds it.
         if any(e and b.strict for e, b in zip(edge, bounds, strict=True)):
             return None
@@ -234,8 +234,8 @@ class Existence:
         bounds += [Bound(g, False, "") for g in real_where(branch.values())]
         fixed = [b for b in bounds if not b.g.has(*free)]
         for b in fixed:
-            g = self.number(b.g)
-            if g is None or g < -TOLERANCE or (b.strict and g <= TOLERANCE):
+            g = side(b.g, {}, self.values)
+            if g is None or g < 0 or (b.strict and g == 0):
                 return []
         open_bounds = [b for b in bounds if b.g.has(*free)]
         if len(free) == 1:
@@ -377,11 +377,8 @@ class Existence:
 
     def number(self, expression: Any) -> float | None:
         """The expression at the parameter values, None where it is not a finite real number."""
-        value = sympy.S(expression).subs(self.values).evalf(25)
-        if not value.is_number or value.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
-            return None
-        real, imaginary = value.as_real_imag()
-        return float(real) if abs(imaginary) < TOLERANCE else None
+        real = real_number(sympy.S(expression).subs(self.values))
+        return None if real is None else float(real)
 
 
 def _between(low: float, high: float, far: float = 1.0) -> float:
