@@ -12,7 +12,18 @@ import sympy
 from sympy import Symbol
 
 from filippov.analysis.algebra.budget import Clock
-from filippov.analysis.steady.dimensionless import DIGITS, in_units, sizes, units
+from filippov.analysis.steady.dimensionless import (
+    DIGITS,
+    RANGE,
+    Terms,
+    apart,
+    balanced_units,
+    in_units,
+    polynomial_terms,
+    sizes,
+    slope_terms,
+    units,
+)
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Missing, PointKind
 from filippov.analysis.steady.existence import ModeProblem, multiplier_symbol
 from filippov.analysis.steady.newton import RESIDUAL, differences, null_space, zero
@@ -24,6 +35,10 @@ NEIGHBOURHOOD = 20.0
 # The distance at which a zero that is one of many has others beside it.
 ASIDE = 1e-2
 EDGE = 1e-8
+# The least range of a state, and how often units are balanced by slopes.
+TINY, ROUNDS = 1e-290, 3
+# What is left of an equation near a zero at which all its terms vanish.
+ALONE = 1e-12
 
 Array = npt.NDArray[np.float64]
 
@@ -34,6 +49,8 @@ class NumericMode:
 
     strict   for each bound, whether it is g > 0; of_multipliers: whether it is one of a multiplier
     limits   (lo, hi) of each multiplier, floats
+    parts    the sum of the absolute values of the terms of each equation, of formulas
+    terms    those of polynomials
     """
 
     mode: str
@@ -45,6 +62,8 @@ class NumericMode:
     strict: tuple[bool, ...]
     of_multipliers: tuple[bool, ...]
     limits: tuple[tuple[float, float], ...]
+    parts: Callable[[Array], Array] | None = None
+    terms: tuple[Terms, ...] = ()
 
     @classmethod
     def of_expressions(cls, problem: ModeProblem) -> NumericMode:
@@ -52,6 +71,7 @@ class NumericMode:
         unknowns = (*problem.x, *problem.sliding)
         f = sympy.lambdify([unknowns], list(problem.equations), "numpy")
         g = sympy.lambdify([unknowns], [b.g for b in problem.bounds], "numpy")
+        parts = sympy.lambdify([unknowns], [absolute_terms(e) for e in problem.equations], "numpy")
 
         def quiet(function: Callable[[Array], list[float]], y: Array) -> Array:
             # Beyond its surface a field may be undefined: nan there, which the search turns away from.
@@ -68,6 +88,8 @@ class NumericMode:
             tuple(b.strict for b in problem.bounds),
             tuple(bool(b.g.free_symbols & set(problem.sliding)) for b in problem.bounds),
             tuple((_limit(low, -1.0), _limit(high, 1.0)) for low, high in problem.limits),
+            lambda y: quiet(parts, y),
+            tuple(polynomial_terms(problem.equations, unknowns, len(problem.x))),
         )
 
     @classmethod
@@ -139,10 +161,19 @@ def numeric_equilibria(
     from scipy.stats import qmc
 
     box = np.array([*ranges, *search.limits])
-    unit = units(box, len(search.x))
-    cube = qmc.Sobol(len(box), scramble=False).random(64)[:STARTS]
-    starts = [box.mean(axis=1), *(box[:, 0] + (0.003 + 0.99 * cube) * (box[:, 1] - box[:, 0]))]
-    scaled = _dimensionless(search, unit, starts)
+    n = len(search.x)
+    unit = units(box, n)
+    cube = 0.003 + 0.99 * qmc.Sobol(len(box), scramble=False).random(64)[:STARTS]
+    starts = [box.mean(axis=1), *_inside(box, cube)]
+    balanced = _balanced_units(search, box, cube)
+    if balanced is None:
+        scaled = _dimensionless(search, unit, starts)
+    else:
+        unit = balanced
+        near = np.where(np.arange(len(box))[:, None] < n, np.outer(unit, [-1.0, 1.0]), box)
+        scaled = _dimensionless(search, unit, list(_inside(near, cube)), np.inf)
+        # A third of the starts are all over the box.
+        starts[1:] = [*starts[1::3], *_inside(_range_in_units(box, unit, n), cube)[: STARTS - STARTS // 3]]
     missing = Missing(
         f"mode {search.mode!r} was searched numerically in {_box_text(search, ranges)}; some may be missed."
     )
@@ -150,15 +181,60 @@ def numeric_equilibria(
     return [in_units(item, unit) for item in found], [missing, *notes]
 
 
-def _dimensionless(search: NumericMode, unit: Array, starts: list[Array]) -> NumericMode:
-    """The mode with its states in units, each equation and bound over its size at the starts."""
-    rows, bounds = sizes(search.residual, starts), sizes(search.bounds, starts)
+def _balanced_units(search: NumericMode, box: Array, cube: Array) -> Array | None:
+    """Units by the equations, powers of 2, and 1 of multipliers; None where those of the box are as good."""
+    n = len(search.x)
+    first = np.maximum(np.max(np.abs(box[:n]), axis=1), TINY) / RANGE
+    unit = balanced_units(search.terms, first)
+    if not search.terms:
+        # Where other powers than the first are larger by far these are seen nearer to 0 only.
+        for _ in range(ROUNDS):
+            places = list(_inside(_range_in_units(box, unit, n), cube))
+            unit = balanced_units(_linear_terms(search, places, unit), unit)
+    if not apart(first, units(box, n)[:n], unit):
+        return None
+    return np.concatenate([2.0 ** np.round(np.log2(unit)), np.ones(len(box) - n)])
+
+
+def _linear_terms(search: NumericMode, places: list[Array], unit: Array) -> list[Terms]:
+    """The sizes of slopes in the states over steps of a unit."""
+    def quiet(y: Array) -> Array:
+        try:
+            with np.errstate(all="ignore"):
+                return search.residual(y)
+        except (ValueError, ArithmeticError):
+            return np.full(len(search.free), np.nan)
+
+    return slope_terms(quiet, places, unit)
+
+
+def _inside(box: Array, cube: Array) -> Array:
+    """Places in a box, from such in the unit cube."""
+    return np.asarray(box[:, 0] + cube * (box[:, 1] - box[:, 0]))
+
+
+def _range_in_units(box: Array, unit: Array, states: int) -> Array:
+    """+-10 units of each state, as far as it lies in a range that is not the default one."""
+    out = box.copy()
+    for k in range(states):
+        low, high = -RANGE * unit[k], RANGE * unit[k]
+        if tuple(box[k]) != (-RANGE, RANGE):
+            low, high = max(low, box[k, 0]), min(high, box[k, 1])
+        out[k] = (low, high) if low < high else box[k]
+    return out
+
+
+def _dimensionless(search: NumericMode, unit: Array, places: list[Array], most: float = 1.0) -> NumericMode:
+    """The mode with its states in units, each equation and bound over its size at the places."""
+    rows, bounds = sizes(search.residual, places, most), sizes(search.bounds, places, most)
     # Multipliers are of order 1 as they are.
     bounds[list(search.of_multipliers)] = 1.0
+    parts = search.parts
     return replace(
         search,
         residual=lambda z: search.residual(z * unit) / rows,
         bounds=lambda z: search.bounds(z * unit) / bounds,
+        parts=None if parts is None else lambda z: parts(z * unit) / rows,
     )
 
 
@@ -199,7 +275,7 @@ def _zeros(search: NumericMode, starts: list[Array], clock: Clock) -> Iterator[A
     for start in starts:
         clock.check()
         got = zero(search.residual, start)
-        if got is None:
+        if got is None or not _balanced(search, got[0]):
             continue
         y, length = got
         if not any(_same(y, length, other, reach) for other, reach in known):
@@ -289,7 +365,26 @@ def _goes_on(search: NumericMode, y: Array, direction: Array) -> bool:
 
 
 def _holds(search: NumericMode, y: Array, rates: Array) -> bool:
-    return bool(np.max(np.abs(search.residual(y) / rates)) <= 1e3 * RESIDUAL * (1.0 + np.max(np.abs(y))))
+    left = np.max(np.abs(search.residual(y) / rates))
+    return bool(left <= 1e3 * RESIDUAL * (1.0 + np.max(np.abs(y)))) and _balanced(search, y)
+
+
+def _balanced(search: NumericMode, y: Array) -> bool:
+    """Whether the terms of each formula cancel, and are not small alone."""
+    if search.parts is None:
+        return True
+    return bool(np.all(np.abs(search.residual(y)) <= 1e3 * RESIDUAL * search.parts(y) + ALONE))
+
+
+def absolute_terms(e: sympy.Expr) -> sympy.Expr:
+    """The sum of the absolute values of the terms of an expression."""
+    if e.is_Add:
+        return sympy.Add(*map(absolute_terms, e.args))
+    if e.is_Mul:
+        return sympy.Mul(*map(absolute_terms, e.args))
+    if e.is_Pow and e.exp.is_Integer and e.exp > 0:
+        return absolute_terms(e.base) ** e.exp
+    return sympy.Abs(e)
 
 
 def _on(line: EquilibriumSet, search: NumericMode, y: Array) -> bool:
