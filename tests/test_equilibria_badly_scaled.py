@@ -99,3 +99,12 @@ def test_zeros_of_functions_in_any_units(seed: int, sc: tuple[float, ...]) -> No
     check(equilibria(functions(of, sc, 1.0), modes=modes, budget=40.0), of, sc, all_of=False)
     box = {f"x{i}": (-10 * s, 10 * s) for i, s in enumerate(sc)}
     check(equilibria(functions(of, sc, 1.0), modes=modes, box=box, budget=40.0), of, sc)
+
+
+@pytest.mark.parametrize("sc", [(1e-2, 1e2, 1e6), (1e-5, 1e-1, 1e5), (10.0, 1e-3, 1e6)])
+def test_no_half_lines_are_invented(sc: tuple[float, ...]) -> None:
+    """0 and one more zero; two half lines were reported."""
+    A = np.array([[0.1, 0.3, -1.3], [-0.6, 1.2, -1.3], [-0.8, -0.2, 0.3]])
+    of = A, np.array([0.3, 0.7, -1.1]), np.array([0.9, 0.6, -1.6]), 0.0
+    assert len(zeros(of)) == 2
+    check(equilibria(formula(of, sc, 1.0), budget=40.0), of, sc)

@@ -198,6 +198,7 @@ def _balanced_units(search: NumericMode, box: Array, cube: Array) -> Array | Non
 
 def _linear_terms(search: NumericMode, places: list[Array], unit: Array) -> list[Terms]:
     """The sizes of slopes in the states over steps of a unit."""
+
     def quiet(y: Array) -> Array:
         try:
             with np.errstate(all="ignore"):
@@ -308,9 +309,7 @@ def _point(search: NumericMode, y: Array) -> EquilibriumPoint | None:
     )
 
 
-def _line(
-    search: NumericMode, y: Array, direction: Array, box: Array, rates: Array
-) -> EquilibriumSet | None:
+def _line(search: NumericMode, y: Array, direction: Array, box: Array, rates: Array) -> EquilibriumSet | None:
     """The straight set through y, if the equations hold along it; its ends from the bounds.
 
     rates: the largest slope of each equation
