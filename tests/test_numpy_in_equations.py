@@ -74,7 +74,6 @@ ASKED: dict[str, Callable[[], Any]] = {
     "map": lambda: EventMap(SWING, Section("v", "crossing up", "x", {"x": "-d", "v": "0"}))(10 * U.cm),
     "tolerance": lambda: solve(SWING, (1, 0), (0, 5), atol=1 * U.um),
     "max_step": lambda: solve(SWING, (1, 0), (0, 5), max_step=1 * U.ms),
-    "many": lambda: solve_many(SWING, [(10 * U.cm, 0)], (0, 5)),
 }
 
 
@@ -83,3 +82,10 @@ def test_16_9_no_unit_is_dropped_silently(what: str) -> None:
     """3 ms was read as 3 s, 10 cm as 10 m."""
     with pytest.raises((UsageError, ModelError), match=r"quantity|Quantity"):
         ASKED[what]()
+
+
+def test_16_9_units_of_the_labels_are_converted() -> None:
+    """10 cm are 0.1 m in a row of states, as they are in one state."""
+    many = solve_many(SWING, [(300 * U.cm, 0), (3, 0)], (0, 5))
+    assert many.x[0] == pytest.approx(many.x[1], abs=1e-12)
+    assert many.x[0] == pytest.approx(RUN.x_end, abs=1e-6)

@@ -149,7 +149,9 @@ class StickBand:
         effect = [convex(f, {self.s}).xreplace(self.at).diff(self.s) for f in self.equations]
         gradient = [self.h.diff(x) for x in self.form.x]
         lost = moved_onto([self.h], [gradient], [effect], self.form.p)
-        if not lost:
+        # y - x/2 with x' = v and a sign on y alone is a relay of a place, whatever y is.
+        places = [k for k in held if effect[k] == 0 and self.equations[k] in self.form.x]
+        if not lost or places:
             raise ModelError(
                 f"{self.name}: h = {self.surface.h} holds {len(held)} states, expected the velocity of a "
                 "body or of one against another: linear in the states, and its sign divided between their "
