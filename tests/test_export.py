@@ -1,6 +1,5 @@
 """The exact automaton as Python, C, Modelica and FMU: each run again and compared with the exact run."""
 
-import importlib.util
 import json
 import math
 import shutil
@@ -13,6 +12,7 @@ import fmpy
 import numpy as np
 import pytest
 import rumoca
+from exported import load
 from fmpy.validation import validate_fmu
 from scipy.integrate import RK45
 
@@ -66,15 +66,6 @@ def rows_of(solution: Any, end: float) -> list[Row]:
     """Events of an exact run before the end, without tangencies, which an automaton does not report."""
     found = [(event.t, event.surface, str(event.kind)) for event in solution.events]
     return [row for row in found if row[2] != "grazing" and row[0] < end * (1 - 1e-9)]
-
-
-def load(path: Path) -> Any:
-    spec = importlib.util.spec_from_file_location(f"exported_{path.stem}", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def module(folder: Path, name: str) -> Any:

@@ -1,6 +1,5 @@
 """Exported automata beside kinks of the field: passed, started on, come to rest on, and left again."""
 
-import importlib.util
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -9,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exported import load
 from sympy import Max
 
 from filippov import Surface, System, TimeEvent, export_system, sign, sin, solve, states, t
@@ -61,15 +61,6 @@ def dropped(rng: np.random.Generator) -> tuple[System, Start]:
 
 Make = Callable[[np.random.Generator], tuple[System, Start]]
 KINDS: list[Make] = [passing, at_rest, stuck, switched, dropped]
-
-
-def load(path: Path) -> Any:
-    spec = importlib.util.spec_from_file_location(f"exported_{path.stem}", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def agree(found: list[tuple[float, str, str]], solution: Any) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exported import load
 from sympy import Max, Piecewise, sqrt
-from test_export_kinks import load
 
 from filippov import Problem, Surface, System, cos, export_system, parameters, sign, solve, states, t
 

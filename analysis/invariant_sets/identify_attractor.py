@@ -251,15 +251,20 @@ class Identifier:
         x = kept[np.linspace(len(kept) - 1, 0, STARTS).astype(int)]
         x[1:] += ASIDE * self.size * rng.uniform(-1, 1, x[1:].shape)
         last: list[Array] = []
+        ended = np.zeros(len(x), dtype=bool)
         for k in range(LATER):
             image, ends = self.flow(x)
             # What ends, or escapes, stays where it is and says nothing.
-            x = np.where(self.flow.done(ends)[:, None], image, np.nan)
+            done = self.flow.done(ends)
+            ended |= ~done
+            x = np.where(done[:, None], image, x)
             if k >= LATER - 2 * LONGEST:
                 last.append(x)
-        rows = np.array(last) / self.size
+        rows = np.array(last)[:, ~ended] / self.size
+        x = x[~ended]
         if self.flow.kind == "step":
-            least = np.max(np.ptp(rows, axis=0) * self.size / np.ptp(kept, axis=0), axis=1)
+            extent = np.maximum(np.ptp(kept, axis=0), NEAR * self.size)
+            least = np.max(np.ptp(rows, axis=0) * self.size / extent, axis=1)
             found = np.flatnonzero(least <= LESS)
             return x[found[0]] if found.size else None
         best = np.full(len(x), np.inf)

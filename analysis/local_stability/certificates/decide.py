@@ -15,7 +15,7 @@ from filippov.analysis.local_stability.certificates.energy import energy
 from filippov.analysis.local_stability.certificates.even_terms import even_terms
 from filippov.analysis.local_stability.certificates.feedbacks import feedbacks
 from filippov.analysis.local_stability.certificates.held_sets import held_sets
-from filippov.analysis.local_stability.certificates.impacts import locally, meets, resetting
+from filippov.analysis.local_stability.certificates.impacts import locally
 from filippov.analysis.local_stability.certificates.line import line
 from filippov.analysis.local_stability.certificates.local import Local, local
 from filippov.analysis.local_stability.certificates.masses import masses
@@ -29,7 +29,7 @@ from filippov.analysis.local_stability.certificates.stopping import stopping
 from filippov.analysis.local_stability.certificates.timed import timed
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import EquilibriumStability, Statement
-from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.forcing import depends_on_time
 
 POINTS: Sequence[Callable[[Local], Certificate | None]] = (
@@ -75,24 +75,14 @@ def first(context: Context, item: EquilibriumStability, *, wide: bool = False) -
     if any(e.reset is not None for e in system.time_events):
         return clocked(context, item)
     beside = local(context, found) if isinstance(found, EquilibriumPoint) else None
-    costly = [partial(_near, whole, context, found) for whole in (feedbacks, held_sets)]
     near = [] if beside is None else [partial(ask, beside) for ask in POINTS]
-    cheap = [partial(masses, context, found)]
-    cheap += [partial(_near, whole, context, found) for whole in (stopping, absolute)]
+    # Those made from the field alone, where resets leave something of them.
+    fields = [partial(whole, context, found) for whole in (stopping, absolute, feedbacks, held_sets)]
+    fields = [partial(locally, context, found, ask) for ask in fields]
+    cheap, costly = [partial(masses, context, found), *fields[:2]], fields[2:]
     for ask in (*cheap, *costly, *near) if wide else (*cheap, *near, *costly):
         certificate = ask()
         if certificate is not None:
             return certificate
         context.clock.check()
     return None
-
-
-def _near(
-    ask: Callable[[Context, EquilibriumPoint | EquilibriumSet], Certificate | None], context: Context,
-    found: EquilibriumPoint | EquilibriumSet,
-) -> Certificate | None:  # fmt: skip
-    """A certificate made from the field alone, where resets leave something of it."""
-    walls = resetting(context)
-    if any(meets(context, found, i) for i in walls):
-        return None
-    return locally(context, found, ask(context, found))

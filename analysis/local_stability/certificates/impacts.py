@@ -8,7 +8,7 @@ h = 0 keep. Source: Leine & van de Wouw 2008, ch. 6 and 7.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import sympy
@@ -26,14 +26,18 @@ def resetting(context: Context) -> list[int]:
 
 
 def locally(
-    context: Context, found: EquilibriumPoint | EquilibriumSet, certificate: Certificate | None
+    context: Context, found: EquilibriumPoint | EquilibriumSet, ask: Callable[[], Certificate | None]
 ) -> Certificate | None:
-    """What resets leave of a certificate made from the field alone: all, what it says nearby, or None."""
+    """What resets leave of a certificate made from the field alone: all, what it says nearby, or None.
+
+    ask   makes it, where something would be left
+    """
     walls = resetting(context)
-    if certificate is None or not walls:
-        return certificate
     if any(meets(context, found, i) for i in walls):
         return None
+    certificate = ask()
+    if certificate is None or not walls:
+        return certificate
     names = ", ".join(context.system.surfaces[i].name for i in walls)
     checked = (*certificate.checked, f"no state is reset near it: it is off {names}")
     return replace(certificate, reach="local", checked=checked)

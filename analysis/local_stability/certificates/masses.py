@@ -18,6 +18,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import sympy
@@ -59,15 +60,15 @@ def masses(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Certif
     parts = of_system(context)
     if parts is None or not parts.surfaces:
         return None
-    walls = resetting(context)
-    if not walls or not keep_energy(context, parts.mass, parts.places, parts.speeds):
-        return locally(context, found, _without_walls(parts, found))
-    certificate = _without_walls(parts, found)
+    alone = partial(_without_walls, parts, found)
+    if not resetting(context) or not keep_energy(context, parts.mass, parts.places, parts.speeds):
+        return locally(context, found, alone)
+    certificate = alone()
     if certificate is None or certificate.answer == "unstable":
-        return locally(context, found, certificate)
+        return locally(context, found, lambda: certificate)
     # With impacts what swings without slip may be led to slip, or be kept from what the dampers see.
     if parts.stiffness.is_positive_definite and parts.contacts.nullspace():
-        near = locally(context, found, certificate)
+        near = locally(context, found, lambda: certificate)
         return near or replace(certificate, answer="stable", theorem=_EVERY, reach="local")
     text = "resets keep the places of the masses and raise no kinetic energy"
     return replace(certificate, checked=(*certificate.checked, text))
