@@ -91,7 +91,7 @@ def continuation(
         raise UsageError(f"direction is {direction!r}, expected -1, 0 or 1.")
     if not 0 < min_step < step <= max_step:
         raise UsageError(f"steps are {min_step:g}, {step:g}, {max_step:g}; expected 0 < min < step <= max.")
-    problem, at, others = _problem(system, start, parameter, value, mode, parameters)
+    problem, at, others = _problem(system, start, parameter, value, mode, parameters, high - low)
     if not low <= at <= high:
         raise UsageError(f"{parameter} = {at:g} at the start is outside bounds ({low:g}, {high:g}).")
     run = Continuation(problem, at, (low, high), Branch(parameter, problem.kind, others), direction, step)
@@ -104,7 +104,7 @@ def continuation(
 
 def _problem(
     system: Any, start: Any, parameter: str, value: float | None, mode: Any,
-    parameters: Mapping[str, float] | None,
+    parameters: Mapping[str, float] | None, width: float,
 ) -> tuple[Any, float, dict[str, float]]:  # fmt: skip
     """The problem, the parameter's value at the start, the values of the others."""
     if callable(system) and not hasattr(system, "states"):
@@ -136,7 +136,7 @@ def _problem(
     named = dict(zip(system.parameters.names, p.tolist(), strict=True))
     at = named[parameter] if value is None else float(value)
     signs = system.symbolic.signs(mode) if system.symbolic is not None else tuple(mode)
-    problem = EquilibriumProblem(system, signs, parameter, start, named | {parameter: at})
+    problem = EquilibriumProblem(system, signs, parameter, start, named | {parameter: at}).in_units(at, width)
     return problem, at, {k: v for k, v in named.items() if k != parameter}
 
 

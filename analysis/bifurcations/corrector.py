@@ -71,6 +71,8 @@ class Corrector:
     def __init__(self, problem: Any, width: float) -> None:
         self.problem, self.width = problem, width
         self.sizes = np.append(problem.scale, width)
+        # Sizes of the equations; those of an equilibrium have the units of the states and of the time.
+        self._rows: Array | None = None
         # The point of the latest matrix, and the matrix.
         self._last: tuple[Array, Array] | None = None
 
@@ -89,8 +91,14 @@ class Corrector:
         residual, matrix = found(*self.plain(z))
         if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(matrix)):
             raise NoConvergenceError("the equations are not finite.")
-        self._last = z.copy(), matrix * self.sizes
-        return residual, self._last[1]
+        matrix = matrix * self.sizes
+        if self.problem.kind == "equilibrium":
+            if self._rows is None:
+                largest = np.max(np.abs(matrix), axis=1)
+                self._rows = np.where(largest > 0.0, largest, 1.0)
+            residual, matrix = residual / self._rows, matrix / self._rows[:, None]
+        self._last = z.copy(), matrix
+        return residual, matrix
 
     def _finished(self, z: Array, guess: Array, normal: Array) -> Array | None:
         """The solution next to z by the matrix of a nearby point, where only rounding remains.

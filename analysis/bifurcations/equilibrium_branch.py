@@ -19,6 +19,7 @@ import numpy.typing as npt
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.growth import by_eigenvalues, by_excess
 from filippov.analysis.bifurcations.branch import BranchPoint
+from filippov.analysis.bifurcations.equilibrium_units import branch_units
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.base.errors import UsageError
@@ -68,6 +69,29 @@ class EquilibriumProblem:
         s = np.zeros(len(self.sliding)) if multipliers is None else multipliers
         self.start = np.concatenate((x, s))
         self.scale = np.concatenate((np.maximum(np.abs(x), 1.0), np.ones(len(self.sliding))))
+        self.rate = self._usual_sum()
+
+    def _usual_sum(self) -> float:
+        """The middle size of sums of two eigenvalues at the start: the product of all sums leaves the range
+        of numbers in other units of time, or of many states."""
+        at = self._at(self.start, float(self.base[self.index]))
+        if not np.all(np.isfinite(self.field.part("fy", *at))):
+            return 1.0
+        sizes = np.abs(_sums(self._eigenvalues(at)[0]))
+        sizes = sizes[sizes > 1e-12 * np.max(sizes, initial=0.0)]
+        return float(np.exp(np.mean(np.log(sizes)))) if sizes.size else 1.0
+
+    def in_units(self, value: float, width: float) -> EquilibriumProblem:
+        """The same with units of the states by its equations at the start; width: of the bounds."""
+        n = self.system.dimension
+        units = branch_units(self.evaluate(self.start, value)[1], self.start[:n], width)
+        return self._with_units(np.append(units, np.ones(len(self.sliding))))
+
+    def _with_units(self, scale: Array) -> EquilibriumProblem:
+        other = object.__new__(EquilibriumProblem)
+        other.__dict__.update(self.__dict__)
+        other.scale = scale
+        return other
 
     def p(self, value: float) -> Array:
         """Parameter values, checked against their bounds."""
@@ -123,9 +147,9 @@ class EquilibriumProblem:
         values, attracts = self._eigenvalues(at)
         if self.sliding:
             tests["pseudo-Hopf"] = attracts
-        sums = [values[i] + values[j] for i in range(len(values)) for j in range(i + 1, len(values))]
-        if sums:
-            tests["Hopf"] = float(np.prod(sums).real)
+        if len(values) > 1:
+            with np.errstate(over="ignore", invalid="ignore"):
+                tests["Hopf"] = float(np.prod(_sums(values) / self.rate).real)
         told = {by_eigenvalues(values), by_excess(-attracts, 0.0)}
         verdict = next(word for word in ("unstable", "undecided", "stable") if word in told)
         left = float(np.max(np.abs(self.evaluate(u, value)[0])))
@@ -165,10 +189,8 @@ class EquilibriumProblem:
         values = dict(zip(self.system.parameters.names, self.base.tolist(), strict=True))
         mode = tuple({"+": 1, "0": 0, "-": -1}[sign] for sign in text)
         new = EquilibriumProblem(self.system, mode, self.parameter, u[:n], values, u[n:])
-        if new.sliding == self.sliding:
-            # The units of one branch: it may cross a kink at 0.
-            new.scale = self.scale
-        return new
+        # The units of one branch: it may cross a kink at 0.
+        return new._with_units(np.append(self.scale[:n], np.ones(len(new.sliding))))
 
     def beyond(self, kinks: Sequence[int], u: Array) -> EquilibriumProblem:
         """The problem on the other side of kinks, starting at a solution of this one that lies on them."""
@@ -207,6 +229,13 @@ class EquilibriumProblem:
         new = EquilibriumProblem(
             self.system, tuple(mode), self.parameter, u[:n], values, np.array([s[j] for j in sorted(s)])
         )
+        new = new._with_units(np.append(self.scale[:n], np.ones(len(new.sliding))))
         if mode[i] != 0:
             return new, f"boundary {name}"
         return new, f"upper {name}" if s[i] > 0 else f"lower {name}"
+
+
+def _sums(values: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]:
+    """a + b of all pairs."""
+    i, j = np.triu_indices(len(values), 1)
+    return np.asarray(values[i] + values[j])

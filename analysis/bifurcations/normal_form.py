@@ -56,7 +56,7 @@ def normal_form(problem: Any, point: BranchPoint, width: float, name: str) -> Fo
             other = mode_text(ast.literal_eval(modes.split(" -> ")[1]))
             return boundary(problem, test, u, value, other).form(value, name)
     if kind == "fold" and (maps or isinstance(problem, EquilibriumProblem | FunctionProblem)):
-        return fold(problem, u, value, name)
+        return fold(problem, u, value, width, name)
     if maps and kind in ("period doubling", "symmetry breaking"):
         return doubling(problem, u, value, width, name, kind == "symmetry breaking")
     if maps and kind == "Neimark-Sacker":

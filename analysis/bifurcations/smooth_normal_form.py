@@ -26,11 +26,14 @@ from filippov.analysis.bifurcations.corrector import Corrector
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.jets import Jets
 from filippov.analysis.bifurcations.return_jets import return_jets
+from filippov.analysis.steady.dimensionless import APART
 from filippov.base.errors import UsageError
 
 Array = npt.NDArray[np.float64]
 Form = tuple[dict[str, float], str]
 _ASIDE, _REACH, _FLAT = 1e-3, 1e-3, 1e-7
+# Part of a matrix by which it changes where nonlinear terms count.
+_BENT = 0.3
 # Distance, in the angle, to a root of unity of order up to 4 below which a closed curve is not predicted.
 _RESONANT = 1e-3
 
@@ -56,16 +59,19 @@ def quadratic(problem: Any, u: Array, value: float, p: Array, q: Array) -> float
     return float(rows[0] - rows[1]) / (4 * _REACH)
 
 
-def fold(problem: Any, u: Array, value: float, name: str) -> Form:
-    """Curvature of the branch, and how far apart its two halves are."""
+def fold(problem: Any, u: Array, value: float, width: float, name: str) -> Form:
+    """Curvature of the branch, and how far apart its two halves are; width: of the bounds."""
     matrix = problem.evaluate(u, value)[1]
-    p, q = null_vectors(matrix[:, :-1] * problem.scale)
+    sizes = np.max(np.abs(matrix * np.append(problem.scale, width)), axis=1)
+    rows = np.where(sizes > 0.0, sizes, 1.0) if problem.kind == "equilibrium" else np.ones(len(sizes))
+    p, q = null_vectors(matrix[:, :-1] * problem.scale / rows[:, None])
+    p = p / rows
     a, b = quadratic(problem, u, value, p, q), float(p @ matrix[:, -1])
-    if abs(b) < _FLAT:
+    if abs(b) * width < _FLAT:
         raise UsageError("the parameter does not unfold the point: two branches meet, it is no fold.")
     curvature = -a / b
     out = {"curvature": curvature}
-    if abs(curvature) < _FLAT:
+    if abs(curvature) < _FLAT * width:
         return out, "degenerate: the quadratic coefficient is 0 (a cusp in two parameters)"
     ends = [problem.point(u + side * _REACH * q * problem.scale, value).coordinates for side in (1.0, -1.0)]
     for key in ends[0]:
@@ -104,7 +110,8 @@ def doubling(problem: Any, u: Array, value: float, width: float, name: str, symm
     attracts = by_multipliers(others, LOCATED)
     out = {"cubic": cubic, "rate": rate}
     what = "pair without the symmetry" if symmetric else "doubled orbit"
-    return _branching(out, cubic, -rate, directions @ q, _names(problem), value, name, what, attracts)
+    return _branching(out, cubic, -rate, directions @ q, _names(problem), value, name, what, attracts,
+                      width)  # fmt: skip
 
 
 def neimark_sacker(problem: Any, u: Array, value: float, width: float, name: str) -> Form:
@@ -134,7 +141,7 @@ def neimark_sacker(problem: Any, u: Array, value: float, width: float, name: str
     out |= {"cubic": cubic, "rate": rate}
     size = 2 * np.abs(directions @ q)
     return _branching(out, -cubic, rate, size, _names(problem), value, name, "closed invariant curve",
-                      by_multipliers(others, LOCATED))  # fmt: skip
+                      by_multipliers(others, LOCATED), width)  # fmt: skip
 
 
 def _half(problem: Any) -> bool:
@@ -150,7 +157,7 @@ def hopf(problem: EquilibriumProblem, u: Array, value: float, width: float, name
     """A Hopf point of an equilibrium off the surfaces."""
     jets, scale = hopf_jets(problem, u, value)
     values = linalg.eigvals(jets.A)
-    upper = values[values.imag > 1e-6 * (1.0 + np.max(np.abs(values)))]
+    upper = values[values.imag > 1e-8 * np.max(np.abs(values))]
     if not upper.size:
         raise UsageError("the two eigenvalues are real: a neutral saddle, without a cycle.")
     frequency = float(upper[int(np.argmin(np.abs(upper.real)))].imag)
@@ -161,10 +168,11 @@ def hopf(problem: EquilibriumProblem, u: Array, value: float, width: float, name
         return float(pair[int(np.argmin(np.abs(pair - 1j * frequency)))].real)
 
     rate = _rate(problem, u, value, width, growth)
-    others = [v for v in values if abs(abs(v.imag) - frequency) > 1e-6 or abs(v.real) > 1e-4]
+    pair = np.argsort(np.abs(np.abs(values.imag) - frequency) + np.abs(values.real))[:2]
+    others = np.delete(values, pair)
     out = {"cubic": cubic, "rate": rate, "frequency": frequency}
     return _branching(out, -cubic, rate, 2 * np.abs(scale * q), list(problem.system.states), value, name,
-                      "cycle", by_eigenvalues(others))  # fmt: skip
+                      "cycle", by_eigenvalues(others), width, frequency)  # fmt: skip
 
 
 def hopf_jets(problem: EquilibriumProblem, u: Array, value: float) -> tuple[Jets, Array]:
@@ -174,9 +182,26 @@ def hopf_jets(problem: EquilibriumProblem, u: Array, value: float) -> tuple[Jets
     n, scale = problem.system.dimension, problem.scale[: problem.system.dimension]
 
     def matrix(z: Array) -> Array:
-        return np.asarray(problem.evaluate(u + scale * z, value)[1][:n, :n] * scale / scale[:, None])
+        with np.errstate(all="ignore"):
+            return np.asarray(problem.evaluate(u + scale * z, value)[1][:n, :n] * scale / scale[:, None])
 
+    scale = scale * _bend(matrix, n)
     return Jets(matrix, n), scale
+
+
+def _bend(matrix: Callable[[Array], Array], n: int) -> float:
+    """How far from 0, along the axes and the diagonals, a matrix changes by a part of itself; 1 if near 1.
+
+    An equilibrium at 0 does not tell the unit of its states: there only the nonlinear terms do.
+    """
+    here = matrix(np.zeros(n))
+    size = float(np.max(np.abs(here)))
+    rows = np.vstack([np.eye(n), -np.eye(n), np.ones((1, n)), -np.ones((1, n))])
+    for reach in 10.0 ** np.arange(-12.0, 12.5, 0.5):
+        change = [float(np.max(np.abs(matrix(reach * row) - here))) for row in rows]
+        if not np.max(change) < _BENT * size:
+            return reach if not 1.0 / APART < reach < APART else 1.0
+    return 1.0
 
 
 def _names(problem: MapProblem | OrbitProblem) -> list[str]:
@@ -187,11 +212,15 @@ def _names(problem: MapProblem | OrbitProblem) -> list[str]:
 
 def _branching(
     out: dict[str, float], restoring: float, rate: float, size: Array, names: list[str], value: float,
-    name: str, what: str, others: Growth,
+    name: str, what: str, others: Growth, width: float, unit: float = 1.0,
 ) -> Form:  # fmt: skip
-    """The solutions that branch off where growth = rate (value - value0) is balanced by restoring xi^3."""
-    if abs(restoring) < _FLAT or abs(rate) < _FLAT:
-        return out, f"degenerate: the {'cubic coefficient' if abs(restoring) < _FLAT else 'rate'} is 0"
+    """The solutions that branch off where growth = rate (value - value0) is balanced by restoring xi^3.
+
+    width  of the bounds of the parameter; unit: of the growth
+    """
+    flat = abs(restoring) < _FLAT * unit
+    if flat or abs(rate) * width < _FLAT * unit:
+        return out, f"degenerate: the {'cubic coefficient' if flat else 'rate'} is 0"
     factor = float(np.sqrt(abs(rate / restoring)))
     out |= {f"root {key}": factor * abs(float(s)) for key, s in zip(names, size, strict=True)}
     above = rate * restoring > 0

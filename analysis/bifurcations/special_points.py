@@ -95,6 +95,8 @@ def confirmed(name: str, point: BranchPoint) -> bool:
     if name == "period doubling":
         return bool(np.any(np.abs(values + 1.0) < 1e-3))
     if name == "Hopf":
-        size = 1e-4 * (1.0 + np.max(np.abs(values), initial=0.0))
-        return bool(np.any((np.abs(values.real) < size) & (np.abs(values.imag) > size)))
+        # Fast eigenvalues beside the pair leave it their rounding.
+        rounding = 1e-12 * np.max(np.abs(values), initial=0.0)
+        size = np.abs(values.imag)
+        return bool(np.any((np.abs(values.real) < 1e-4 * size + rounding) & (size > 1e4 * rounding)))
     return True

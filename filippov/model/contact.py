@@ -156,6 +156,7 @@ def _solved(
         determinant = matrix.det()
         if not determinant.is_number or abs(determinant) < Float("1e-40"):
             return None
-        step = g.T * matrix.inv() * value
+        # The inverse by the adjugate: that of sympy asks again whether the determinant is 0, in its own way.
+        step = g.T * matrix.adjugate() * value / determinant
         point = {**point, **{q: point[q] - d for q, d in zip(x, step, strict=True)}}
     return None
