@@ -15,16 +15,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.algebra import linalg
-from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivatives
+from filippov.analysis.sensitivity.carried_basis import CarriedBasis
 from filippov.base.errors import UsageError
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.shown import Shown
 from filippov.model.system import System
-from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
-from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import Options, check_state
 
 Array = npt.NDArray[np.float64]
@@ -37,7 +34,8 @@ _STEPS, _MOST = 1000, 64
 class Lyapunov(Shown):
     """Exponents [1/time], largest first.
 
-    exponents  (k,), -inf where rank is lost in sliding; error: from the scatter over 8 parts of the run
+    exponents  (k,), -inf where rank is lost in sliding or in a reset
+    error      from the scatter over 8 parts of the run
     t, running times and the exponents estimated up to them, (r,), (r, k): whether they have settled
     skipped    intervals left out because the solution grazes a surface in them
     message    how the run ended, "" for as planned
@@ -93,7 +91,7 @@ def lyapunov(
         t, x = run.t_end, run.x_end
         if not run.success:
             raise UsageError(f"the transient did not reach its end: {run.message}")
-    basis = np.linalg.qr(np.random.default_rng(0).standard_normal((n, k)))[0]
+    carried = CarriedBasis(np.linalg.qr(np.random.default_rng(0).standard_normal((n, k)))[0])
     logs: list[Array] = []
     times = [t]
     skipped, end = 0, t + duration
@@ -109,16 +107,11 @@ def lyapunov(
                 message, cuts = run.message, cuts[cuts < run.t_end]
                 if not cuts.size:
                     break
-            for stop, matrix in zip(cuts.tolist(), flow_derivatives(run, cuts), strict=True):
-                if isinstance(matrix, NotDifferentiableError):
+            settling = len(logs) <= duration / interval / 10
+            for stop, growth in zip(cuts.tolist(), carried.over(run, t, cuts, settling), strict=True):
+                if growth is None:
                     skipped += 1
                 else:
-                    image = matrix @ _along(run, t, basis)
-                    basis, r = np.linalg.qr(image)
-                    with np.errstate(divide="ignore"):
-                        growth = np.log(np.abs(np.diag(r)))
-                    # Below rounding of the matrix a direction is lost, not merely small.
-                    growth[np.abs(np.diag(r)) <= 1e-14 * np.max(np.abs(image), initial=1e-300)] = -np.inf
                     logs.append(growth)
                     times.append(stop)
                 t = stop
@@ -128,26 +121,16 @@ def lyapunov(
             x, count = run.x_end, max(1, min(_MOST, _STEPS * count // len(run.sol.start)))
     except KeyboardInterrupt:
         message = f"interrupted at t = {t:.9g}"
+    if carried.unresolved:
+        much = f"{carried.unresolved} times a direction shrinks faster than is resolved"
+        message = "; ".join(filter(None, (message, f"{much}: take a shorter interval")))
     if not logs:
         raise UsageError(f"no interval could be used: {message or 'all of them graze a surface'}")
-    settling = len(logs) // 10
-    table, times = np.array(logs[settling:]), times[settling:]
+    first = len(logs) // 10
+    table, times = np.array(logs[first:]), times[first:]
     spans = np.diff(times)
     running = np.cumsum(table, axis=0) / np.cumsum(spans)[:, None]
     return Lyapunov(running[-1], _scatter(table, spans), np.array(times), running, skipped, message)
-
-
-def _along(run: Solution, t: float, basis: Array) -> Array:
-    """The basis at a time without its components off the surfaces that the solution slides on from there."""
-    mode = run.mode_at(t, side="+")
-    sliding = [i for i, sign in enumerate(mode) if sign == 0]
-    if not sliding:
-        return basis
-    assert run.sol is not None
-    machine = Machine(run.problem.system, run.options.stepper, run.problem.p)
-    gradients, _ = machine.gradients(t, run.sol(t, side="+"), np.array(mode, dtype=float))
-    normal = gradients[sliding]
-    return np.asarray(basis - linalg.pinv(normal) @ (normal @ basis))
 
 
 def _scatter(table: Array, spans: Array) -> Array:

@@ -135,7 +135,7 @@ def flow_derivatives(solution: Solution, ends: Sequence[float]) -> list[Array | 
     n, cuts = solution.problem.system.dimension, np.asarray(ends, dtype=float)
     sense = 1.0 if solution.sol is None else solution.sol.direction
     out: list[Array | NotDifferentiableError] = [np.eye(n + 1) for _ in ends]
-    for piece, matrix in _pieces(solution, (), None, cuts):
+    for piece, matrix in pieces(solution, (), None, cuts):
         k = int(np.searchsorted(sense * cuts, sense * piece.t))
         try:
             so_far = out[k]
@@ -150,7 +150,7 @@ def _flow_factors(
     solution: Solution, before_last: bool, names: tuple[str, ...], jacobian: Callable[..., Any] | None
 ) -> list[Factor]:
     out: list[Factor] = []
-    for piece, matrix in _pieces(solution, names, jacobian, np.zeros(0)):
+    for piece, matrix in pieces(solution, names, jacobian, np.zeros(0)):
         if matrix is not None:
             out.append(Factor(piece.t, piece.mode, matrix))
         elif not (before_last and piece.t == solution.t_end and piece.events[-1] is solution.events[-1]):
@@ -170,7 +170,7 @@ class _Smooth:
     leaving: tuple[Array, Array] | None
 
 
-def _pieces(
+def pieces(
     solution: Solution, names: tuple[str, ...], jacobian: Callable[..., Any] | None, cuts: Array
 ) -> list[tuple[Any, Array | None]]:
     """The parts of a solution in order: (_Smooth, its transition matrix) and, for the events of an instant,
