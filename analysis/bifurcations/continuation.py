@@ -29,7 +29,7 @@ from filippov.analysis.bifurcations.branch_problem import (
     MapProblem,
     OrbitProblem,
 )
-from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector
+from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector, closed_by
 from filippov.analysis.bifurcations.crossing import Crossings
 from filippov.analysis.bifurcations.cycle_end import cycle_end
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
@@ -46,8 +46,9 @@ from filippov.base.status import mode_text
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
-# Cosine of the angle between two tangents below which a step is halved.
-_STRAIGHT = 0.9
+# Cosine of the angle between two tangents below which a step is halved; no branch closes in fewer steps.
+_STRAIGHT, _FEWEST = 0.9, 3
+_CLOSED = "the branch is closed"
 
 
 @keywords()
@@ -215,6 +216,8 @@ class Continuation(Shown):
             # An end that two segments share counts once.
             if len(a.u) != len(b.u) or not inside or (k and value == a.value):
                 continue
+            if value == b.value == points[0].value and b is points[-1] and _CLOSED in self.branch.message:
+                continue
             share = (value - a.value) / (b.value - a.value)
             near = a if share < 0.5 else b
             u, at = np.array(near.u), corrector
@@ -259,6 +262,9 @@ class Continuation(Shown):
                 self.branch.message = "; ".join(messages)
                 return
             done.append(way)
+            if self._message == _CLOSED:
+                # The other way is the same.
+                done = list(ways)
             self.branch.state = {"done": done, "messages": messages}
 
     def _spent(self, begun: float) -> bool:
@@ -309,7 +315,7 @@ class Continuation(Shown):
         crossings = Crossings(self.width, self.min_step)
         self.branch.state["way"] = way
         self._message = ""
-        first = current
+        first, passed = current, 0
         while True:
             corrector = current.corrector
             near = 1e-12 * self.width
@@ -346,6 +352,8 @@ class Continuation(Shown):
             value = following.point.value
             if not low <= value <= high:
                 following = corrector.at_value(current, following, low if value < low else high)
+            closing = closed_by(first, current, following) if passed > _FEWEST else None
+            following, passed = closing or following, passed + 1
             shrunk = cycle_end(current, following, self.bounds)
             if shrunk is not None:
                 self._message = f"{shrunk.special} at {shrunk.value:.12g}"
@@ -377,8 +385,8 @@ class Continuation(Shown):
                 step = min(1.4 * step, max(self.max_step, room(current.u, current.tangent)))
             elif count >= 6:
                 step *= 0.7
-            if following.near(first) and len(self.branch.points) > 5:
-                self._message = "the branch is closed"
+            if closing is not None and goes_on is following:
+                self._message = _CLOSED
                 return
 
     def _described(self, at: Along, point: BranchPoint) -> BranchPoint:

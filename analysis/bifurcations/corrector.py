@@ -16,6 +16,8 @@ from filippov.base.errors import ModelError, SolveError
 Array = npt.NDArray[np.float64]
 FAILURES = (SolveError, ArithmeticError, np.linalg.LinAlgError, ModelError)
 _ITERATIONS, _TOLERANCE, _NOISE, _FARTHEST = 12, 1e-9, 1e-6, 0.5
+# Two points of a branch that are no farther apart are one.
+_SAME = 1e-5
 # At this distance the matrix of one point is used for another.
 _CLOSE = 1e-3
 
@@ -54,15 +56,32 @@ class Along:
             point = replace(point, u=tuple(u.tolist()), phase=problem.shooting.phase)
         return replace(self, corrector=corrector, z=z, tangent=corrector.tangent(z, towards), point=point)
 
-    def near(self, other: Along) -> bool:
+    def same(self, other: Along) -> bool:
         """Whether this is the same point passed in the same direction."""
-        if len(self.z) != len(other.z):
+        if self.point.word != other.point.word or self.tangent[-1] * other.tangent[-1] <= 0:
             return False
-        if self.point.phase != other.point.phase:
-            mine, theirs = ({"": p.value, **p.coordinates} for p in (self.point, other.point))
-            same = all(abs(v - theirs[k]) < 1e-4 * (1.0 + abs(v)) for k, v in mine.items())
-            return same and self.tangent[-1] * other.tangent[-1] > 0
-        return bool(np.linalg.norm(self.z - other.z) < 1e-3 and self.tangent @ other.tangent > 0.99)
+        if len(self.z) == len(other.z) and self.point.phase == other.point.phase:
+            return bool(np.linalg.norm(self.z - other.z) < _SAME)
+        mine, theirs = ({"": p.value, **p.coordinates} for p in (self.point, other.point))
+        if mine.keys() != theirs.keys() or len(self.point.multipliers) != len(other.point.multipliers):
+            return False
+        pairs = zip(self.point.multipliers, other.point.multipliers, strict=True)
+        near = all(abs(a - b) < _SAME * (1.0 + abs(a)) for a, b in pairs)
+        return near and all(abs(v - theirs[k]) < _SAME * (1.0 + abs(v)) for k, v in mine.items())
+
+
+def closed_by(first: Along, current: Along, following: Along) -> Along | None:
+    """The first point of a branch, found again between two later ones; None where it is not between them."""
+    value = first.point.value
+    if (current.point.value - value) * (following.point.value - value) > 0 or current.point.value == value:
+        return None
+    if current.tangent[-1] * first.tangent[-1] <= 0:
+        return None
+    try:
+        found = current.corrector.at_value(current, following, value)
+    except FAILURES:
+        return None
+    return found if found.same(first) else None
 
 
 class Corrector:

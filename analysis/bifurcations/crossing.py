@@ -90,7 +90,10 @@ class Crossings:
             return last[share].point.tests[name]
 
         try:
-            share = float(brentq(test, 0.0, 1.0, xtol=1e-13, rtol=1e-12, maxiter=60))
+            # Where rounding of the test ends the search, its last place is the root as well as it is known.
+            share, _ = brentq(
+                test, 0.0, 1.0, xtol=1e-13, rtol=1e-12, maxiter=60, full_output=True, disp=False
+            )
             test(share)
         except (*FAILURES, ValueError, KeyError):
             # A test that an orbit lacks, or that does not change its sign: nothing was found.
