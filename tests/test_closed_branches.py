@@ -72,3 +72,14 @@ def test_a_locked_neuron_has_two_folds(seed: int) -> None:
     assert [point.special for point in branch.special] == ["fold", "fold"]
     folds = sorted(point.value for point in branch.special)
     assert np.allclose(folds, (1 / k - reach, 1 / k + reach), rtol=0, atol=1e-8)
+
+
+def test_a_closed_branch_that_is_resumed_closes_where_it_began() -> None:
+    q = parameters(m=0.3)
+    system = System({x: 1 - x**2 - q.m**2}, parameters=q)
+    call = {"parameter": "m", "bounds": (-2, 2), "mode": ""}
+    begun = continuation(system, (0.91**0.5,), max_points=20, **call).run()
+    assert "cut off by max_points = 20" in begun.message
+    branch = continuation(system, (0.91**0.5,), resume=begun, **call).run()
+    assert branch.message == "the branch is closed"
+    assert np.allclose([point.value for point in branch.special], (1, -1), rtol=0, atol=1e-9)

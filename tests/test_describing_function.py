@@ -208,3 +208,18 @@ def test_c12_improper_plants_are_named() -> None:
         relay_loop(control.tf([1], [1, 0.5], 0.1))
     with pytest.raises(ModelError, match="expected a TransferFunction"):
         relay_loop("1/s")
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6, 1e6])
+def test_a_prediction_of_none_names_the_amplitudes_that_were_searched(size: float) -> None:
+    """The cycle of 1/((s + 1)(s + 2)(s + 3)) under a relay of height h: A = 4 h/(60 pi)."""
+    x, y, z = states("x y z")
+    loop = System({x: -3 * x + y, y: -2 * y + z, z: -z - size * sign(x)})
+    found = describing_function(loop)
+    assert found.to_dict()["searched"] == pytest.approx([1e-4, 1e3])
+    if size == 1.0:
+        assert len(found.cycles) == 1
+    else:
+        assert str(found).endswith("predicts no limit cycle with A from 0.0001 to 1000.")
+    (cycle,) = describing_function(loop, amplitudes=(1e-4 * size, 1e3 * size)).cycles
+    assert cycle.amplitude == pytest.approx(4 * size / (60 * np.pi), rel=1e-9)

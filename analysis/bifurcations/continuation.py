@@ -301,6 +301,20 @@ class Continuation(Shown):
         corrector = Corrector(self.problem, self.width)
         return corrector.along(self._z, None, way)
 
+    def _origin(self, current: Along, way: int) -> Along:
+        """The point at which a closed branch closes: that at which a stored one began."""
+        points = self.branch.points
+        if not self._resumed or way != (self.direction or 1) or not points[0].tangent:
+            return current
+        stored, problem = points[0], current.corrector.problem
+        u = np.array(stored.u)
+        if isinstance(problem, EquilibriumProblem):
+            problem = problem.in_mode(stored.modes[0], u)
+        if isinstance(problem, OrbitProblem) and stored.phase:
+            problem = problem.at_phase(stored.phase)
+        corrector = Corrector(problem.moved(u, stored.value), self.width)
+        return Along(corrector, corrector.scaled(u, stored.value), np.array(stored.tangent), stored)
+
     def begin_at(self, first: Along) -> None:
         """Begin at a point with a tangent of its own: a branch point, where the equations give two."""
         self._first = first
@@ -315,7 +329,7 @@ class Continuation(Shown):
         crossings = Crossings(self.width, self.min_step)
         self.branch.state["way"] = way
         self._message = ""
-        first, passed = current, 0
+        first, passed = self._origin(current, way), 0
         while True:
             corrector = current.corrector
             near = 1e-12 * self.width

@@ -83,6 +83,7 @@ class DescribingFunction(Shown):
             "surface": self.surface,
             "cycles": [asdict(cycle) | {"period": cycle.period} for cycle in self.cycles],
             "neutral": [list(pair) for pair in self.neutral],
+            "searched": [float(self.amplitude[0]), float(self.amplitude[-1])],
         }
 
     def __str__(self) -> str:
@@ -91,7 +92,8 @@ class DescribingFunction(Shown):
             for a, b in self.neutral
         )
         if not self.cycles:
-            return f"input '{self.surface}': harmonic balance predicts no limit cycle.{left}"
+            within = f"with A from {self.amplitude[0]:.6g} to {self.amplitude[-1]:.6g}"
+            return f"input '{self.surface}': harmonic balance predicts no limit cycle {within}.{left}"
         rows = [
             f"  A = {c.amplitude:.9g}, omega = {c.frequency:.9g} (period {c.period:.9g}), "
             f"{'stable' if c.stable else 'unstable'}, third harmonic {100 * c.distortion:.2g} % of A"
