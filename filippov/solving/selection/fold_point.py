@@ -63,6 +63,7 @@ def followers(
     into which its slide leads.
     """
     _back_to_tangency(run, triggered)
+    base, reached, triggered = _beyond_relays(run, base, reached, triggered)
     point = point_of(run)
     if (fold := _at_fold(run, point, base, reached, triggered, behind=False)) is not None:
         return fold
@@ -73,6 +74,23 @@ def followers(
     # A step that went past a two-fold ends where nothing follows.
     lost = None if candidates else _at_fold(run, point, base, reached, triggered, behind=True)
     return (name, candidates, point) if lost is None else lost
+
+
+def _beyond_relays(
+    run: Run, base: Mode, reached: Sequence[int], triggered: Sequence[int] | None
+) -> tuple[Mode, Sequence[int], Sequence[int] | None]:
+    """The mode, and what is left to decide, after relays with hysteresis that came to the edge of their band.
+
+    s is memory: it changes at h = -s width whatever the rate of h is afterwards; only the others are asked.
+    """
+    relays = [i for i in reached if run.machine.widths[i] > 0.0]
+    if not relays:
+        return base, reached, triggered
+    turned = [i for i in relays if run.trigger[i] == codes.ROOT]
+    base = tuple(-sign if i in turned else sign for i, sign in enumerate(base))
+    # What a relay acts on need not go on sliding: all that is slid on is asked again.
+    again = None if turned else [i for i in triggered or () if i not in relays]
+    return base, [i for i in reached if i not in relays], again
 
 
 def _at_fold(
