@@ -276,7 +276,7 @@ class _Loop(Settling):
         clocks.due, run.count.due = due, len(due)
         run.clock.t_end = self.t_end if beyond else instant
         run.clock.instant = run.clock.t_end if due else np.nan
-        run.clock.same_instant = clocks.same(instant) if due else 0.0
+        run.clock.same_instant = clocks.located(instant) if due else 0.0
 
     def _reached(self) -> tuple[Status, str] | None:
         """At the end, or at an instant of time events: reset, look where the solution goes, and go on."""

@@ -5,7 +5,7 @@
 #define CLEAR 1e-6       /* part of the terms of a rate below which its sign is not trusted */
 #define NO_RATE 1e-12    /* and below which it is none */
 #define INSTANT 1.42e-14 /* error of the time of an event, over |t| */
-#define SAME 1e-12       /* instants closer than this part of the time run are one */
+#define SAME 1e-12       /* events closer than this part of the time run pile up */
 #define SHORTEST 1e-10   /* of t: a flight between impacts that cannot be followed */
 #define NEAR_FOLD 1e-3   /* a slide whose rates differ by less of what they did is near a two-fold */
 
@@ -619,7 +619,7 @@ static int first_event(Run *r, const Step *q, int *surface, int *what, double *w
     return found;
 }
 
-static double same(const Run *r) { return SAME * fmax(fabs(r->t), fabs(r->t - r->first)); }
+static double same(const Run *r) { return 32 * EPS * fmax(fabs(r->t), fabs(r->t - r->first)); }
 
 /* A step within the tolerance, up to goal at most; gives whether an event is on it. */
 static int tried(Run *r, double goal, Step *q, int *surface, int *what, double *where, double *slope) {
@@ -749,7 +749,7 @@ static void land(Run *r, const Step *q, int i, int what, double where, double sl
     r->t += length;
     memcpy(r->x, s.end, sizeof r->x);
     project(r);
-    r->crowd = r->t - r->last <= same(r) ? r->crowd + 1 : 0;
+    r->crowd = r->t - r->last <= SAME * (r->t - r->first) + same(r) ? r->crowd + 1 : 0;
     r->last = r->t;
     if (r->crowd > 4 * SURFACES + 4) refuse(r, ZENO, i);
     for (int j = 0; j < SURFACES && count > 1; j++) {

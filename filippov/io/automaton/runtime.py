@@ -106,7 +106,7 @@ class Automaton(Decisions):
 
     def same(self) -> float:
         """Closer to t than that an instant is t."""
-        return SAME * max(abs(self.t), abs(self.t - self.first))
+        return 32 * EPS * max(abs(self.t), abs(self.t - self.first))
 
     def tried(self, goal: float) -> tuple[Step, tuple[int, str, float, float] | None]:
         """A step within the tolerance, and the first event on it: surface, what is 0, where, its slope."""
@@ -232,7 +232,7 @@ class Automaton(Decisions):
         together = {key: None for key, value in found.items()
                     if self.order[key[0]] == 0 and abs(value) <= self.tiny(key, self.t, end)}  # fmt: skip
         together[i, what] = None
-        self.crowd = self.crowd + 1 if self.t - self.last <= self.same() else 0
+        self.crowd = self.crowd + 1 if self.t - self.last <= SAME * (self.t - self.first) + self.same() else 0
         self.last = self.t
         if self.crowd > 4 * len(self.m) + 4:
             raise Refusal("zeno", f"events accumulate; the last was on surface {self.named([i])}.")

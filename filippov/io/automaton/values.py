@@ -13,7 +13,7 @@ from filippov.io.automaton.method import EPS
 
 # Parts of the terms of a rate: below CLEAR its sign is not trusted, below NO_RATE it is none.
 CLEAR, NO_RATE = 1e-6, 1e-12
-# The error of the time of an event, over |t|; instants closer than SAME are one.
+# The error of the time of an event, over |t|; events closer than SAME of the time run pile up.
 INSTANT, SAME = 1.42e-14, 1e-12
 # A slide whose two rates have come this close to each other, of what they were, is near a two-fold.
 NEAR_FOLD = 1e-3

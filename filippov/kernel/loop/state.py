@@ -121,11 +121,13 @@ class Count(Struct):
 class Tick(Struct):
     """A time event: start and period, or so many listed instants from the first on; its next instant.
 
+    gap: a quarter of the least time between two of its instants;
     moves: whether it has a reset; due: whether it is due at the instant that the run is led to.
     """
 
     start: float
     period: float
+    gap: float
     next: float
     first: int
     listed: int

@@ -45,8 +45,9 @@ from filippov.kernel.tables.codes import (
     TIME_RESET,
 )
 
-# Instants closer than this, relative to the time run, are one.
-SAME = 1e-12
+# Roundings within which instants are one; an event on a surface belongs to an instant this close to it,
+# relative to the time run.
+ONE_INSTANT, SAME = 32.0, 1e-12
 # The rounding error of h, in EPS of its terms: twice what the classification counts as on the surface.
 ON_IT = 128.0
 # The code of `field` where no multipliers hold the solution on the surfaces.
@@ -57,8 +58,14 @@ ROOM = 4e-6
 
 @kernel
 def same_time(t: float, start: float) -> float:
-    """How close to t an instant counts as t."""
-    return SAME * max(abs(t), abs(t - start))
+    """How close to t an instant counts as t, if it is not nearer to the next one of its clock."""
+    return ONE_INSTANT * EPS * max(abs(t), abs(t - start))
+
+
+@kernel
+def located_time(t: float, start: float) -> float:
+    """How close to an instant t an event on a surface counts as one of it: as it is located."""
+    return SAME * abs(t - start) + same_time(t, start)
 
 
 @kernel
@@ -102,17 +109,17 @@ def preceding(tick: Tick, instants: Vector, t: float) -> float:
 def aim(run: Trajectory) -> None:
     """Direct the loop to the next instant, or to the end of the run; note what is due there."""
     clock, count, ticks = run.clock, run.count, run.ticks
-    late, first = clock.t + same_time(clock.t, clock.t_start), INF
+    slack, first = same_time(clock.t, clock.t_start), INF
     for i in range(count.ticks):
-        ticks[i].next = following(ticks[i], run.instants, late)
+        ticks[i].next = following(ticks[i], run.instants, clock.t + min(slack, ticks[i].gap))
         first = min(first, ticks[i].next)
     slack, count.due = same_time(first, clock.t_start), 0
     within = first - clock.t_final <= same_time(clock.t_final, clock.t_start)
     for i in range(count.ticks):
-        ticks[i].due = 1 if within and ticks[i].next - first <= slack else 0
+        ticks[i].due = 1 if within and ticks[i].next - first <= min(slack, ticks[i].gap) else 0
         count.due += ticks[i].due
     clock.t_end = min(first, clock.t_final)
-    clock.same_instant = slack if count.due > 0 else 0.0
+    clock.same_instant = located_time(first, clock.t_start) if count.due > 0 else 0.0
     clock.instant = clock.t_end if count.due > 0 else NAN
 
 
