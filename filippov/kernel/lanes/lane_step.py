@@ -28,6 +28,7 @@ from filippov.kernel.loop.control import (
     leaves,
 )
 from filippov.kernel.loop.field import clear_ranges, field, project
+from filippov.kernel.loop.land import EPS
 from filippov.kernel.loop.model import (
     ALL_LINEAR,
     END_IN_ERROR,
@@ -44,7 +45,7 @@ from filippov.kernel.loop.model import (
     free_stages,
     sliding_stages,
 )
-from filippov.kernel.loop.search import FALLING, ROUNDED
+from filippov.kernel.loop.search import FALLING, LATE, ROUNDED
 from filippov.kernel.loop.state import Group, Integers, Scratch
 
 # The second mask of the result is above the first.
@@ -114,7 +115,7 @@ def ends_at_surface(t: float, start: float, m: Vector, order: Vector, w: Scratch
         falls = rate < (0.0 if order[i] == 0.0 else -FALLING * terms)
         if LINEAR[i] == 0:
             falls = falls and order[i] == 0.0
-        near = falls and not (wait > ROUNDED * max(abs(t), abs(t - start)))
+        near = falls and not (wait > ROUNDED * abs(t - start) + LATE * EPS * abs(t))
         reached = 1.0 if near else reached
     return reached > 0.0
 

@@ -11,7 +11,7 @@ from filippov.kernel.loop.control import (
     suspicious,
 )
 from filippov.kernel.loop.field import field
-from filippov.kernel.loop.land import land, reached_before
+from filippov.kernel.loop.land import EPS, land, reached_before
 from filippov.kernel.loop.model import (
     AFFINE,
     CLAMPED,
@@ -49,7 +49,8 @@ from filippov.kernel.tables.codes import (
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
 SAME_END = 1e-11  # times so close to the end of the run, relative to it, are the end
-ROUNDED = 1e-12  # events so little later than the end of the run, relative to it, are at the end
+# Events so little later than the end, relative to the time run, or by so many roundings, are at the end.
+ROUNDED, LATE = 1e-12, 32.0
 BEYOND_END = 1e-9  # landings by so much later than the end of the run, relative to it, have failed
 FALLING = 1e-6  # relative to the terms of its rate: a guard that falls by more than rounding
 BEFORE_END = 1e-3  # the distance, relative to the step, for the slope of a multiplier's guard at the end
@@ -84,8 +85,9 @@ def event_at_end(
         # function may be rounding, however large.
         if rate < (0.0 if order[i] == 0 else -FALLING * terms) and (order[i] == 0 or LINEAR[i] != 0):
             wait = -(m[i] * w.end[2 * i] + WIDTH[i]) / rate
-            if wait <= ROUNDED * max(abs(t), abs(t - start)):
-                if LINEAR[i] == 0 and abs(w.end[2 * i]) <= NOISY * guard_noise(i, t, x, p, m, w, ctx):
+            if wait <= ROUNDED * abs(t - start) + LATE * EPS * abs(t):
+                value = abs(w.end[2 * i])
+                if LINEAR[i] == 0 and value <= NOISY * guard_noise(i, t, t - start, x, p, m, w, ctx):
                     continue
                 if ROOTS and ROOTED[i] != 0 and not turns(i, t, x, 2.0 * w.direction * wait, p, m, w, ctx):
                     continue
@@ -114,7 +116,7 @@ def exit_at_end(run: Trajectory) -> tuple[int, int, float]:
         if run.m[i] != 0.0 or not (slope < 0.0) or abs(run.order[i]) > 1:
             continue
         wait = -w.row[row] / slope * abs(step)
-        if wait <= ROUNDED * max(abs(te), abs(te - run.clock.t_start)):
+        if wait <= ROUNDED * abs(te - run.clock.t_start) + LATE * EPS * abs(te):
             return UPPER if row < M else LOWER, i, slope
     return NOTHING, -1, 0.0
 

@@ -40,6 +40,7 @@ from filippov.kernel.tables.codes import (
 )
 
 GRAIN = 1e2  # the accuracy of a guard that is followed relative to itself, in roundings of its terms
+IN_TIME = 16.0  # roundings of the terms in t that a guard may have
 
 
 @kernel
@@ -69,9 +70,11 @@ def renew_state(
     for i in range(M):
         w.touch[i] = 0.0
         if ROLE[i] != KINK and WIDTH[i] == 0.0:
-            w.touch[i] = rtol * guard_scale(i, t, x, w)
+            # Of its terms in t only rounding is unknown, however long the run or far its origin.
+            w.touch[i] = IN_TIME * EPS * abs(w.gt[i] * t)
             for a in range(G_FIRST[i], G_FIRST[i + 1]):
-                w.touch[i] += atol[G_COLUMN[a]] * abs(w.g[i * N + G_COLUMN[a]])
+                k = G_COLUMN[a]
+                w.touch[i] += (rtol * abs(x[k]) + atol[k]) * abs(w.g[i * N + k])
             # Backwards in time a slide that was left is met in a tangency, whose h is as accurate as what the
             # motion has gone through, and not as it is itself where it starts.
             if w.direction < 0.0 and ROLE[i] == SWITCHING:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from filippov.base.status import EventKind
 from filippov.kernel.loop.event_cycle import CHOSEN, CYCLES, LONGEST_CYCLE, NEAR_END, STEADY
 from filippov.kernel.loop.limit import GLOBAL
+from filippov.kernel.loop.segment import IN_TIME
 from filippov.kernel.loop.state import Past as PastRecord
 from filippov.kernel.tables import codes
 from filippov.solving.resets.impact_law import hold
@@ -326,7 +327,9 @@ def _depth(run: Run) -> tuple[float, float, float]:
     velocity = run.machine.rhs(run.t, run.x, np.where(mode == 0.0, 1.0, mode), mode)
     speed = abs(float(gt[last.index]) + run.machine.rate(last.index, g, velocity))
     scale = float(guard_terms(g, gt, run.t, run.x)[last.index])
-    known = run.options.rtol * scale + float(np.abs(g[last.index]) @ run.atol)
+    # Of the terms in t only rounding is unknown, however long the run or far its origin.
+    known = float(np.abs(g[last.index]) @ (run.options.rtol * np.abs(run.x) + run.atol))
+    known += IN_TIME * EPS * abs(float(gt[last.index]) * run.t)
     if run.clock.relative == -float(last.index + 1) or impact:
         known = 0.0
     return speed, scale, FAINT * known

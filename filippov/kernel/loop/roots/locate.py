@@ -186,7 +186,7 @@ def noise_in(
     """
     dense_value(theta, w.xm, w)
     now = t + theta * step
-    return max(guard_noise(i, now, w.xm, p, m, w, ctx), EPS * guard_scale(i, now, w.xm, w))
+    return max(guard_noise(i, now, step, w.xm, p, m, w, ctx), EPS * guard_scale(i, now, w.xm, w))
 
 
 @kernel
@@ -300,7 +300,7 @@ def row_root(
         # a guard that is 0 in a whole region, where its terms cancel and show no scale.
         grain = PLANE * EPS * guard_scale(i, t, w.coef, w) if degree < DEGREE else 0.0
         if KINKED:
-            grain = max(grain, NOISY * guard_noise(i, t, w.coef, p, m, w, ctx))
+            grain = max(grain, NOISY * guard_noise(i, t, step, w.coef, p, m, w, ctx))
         if high <= grain and low >= -grain:
             return NO_ROOT, 2.0, degree
     kind, u = first_root(c, degree, touch, w.stack, w.bounds, w.work)

@@ -38,7 +38,10 @@ from filippov.kernel.tables.layout import CHECKS, LANES
 from filippov.kernel.tables.root_tables import DEGREE, NODES, POSITION
 
 CHECK_FIRST, CHECK_APART = 0.3137, 0.4218
+EPS = 2.220446049250313e-16
 NEIGHBOUR = 1.2345e-10
+# The same in time: a part of the step, and so many roundings of t at least.
+IN_STEP, BESIDE = 1.2345e-6, 5.0
 OPEN = 1e299
 # The largest error of a guard's series, relative to its magnitude.
 HOLDS = 1e-7
@@ -239,7 +242,9 @@ def sample(
 
 
 @kernel
-def guard_noise(i: int, t: float, x: Vector, p: Vector, m: Vector, w: Scratch, ctx: Indices) -> float:
+def guard_noise(
+    i: int, t: float, step: float, x: Vector, p: Vector, m: Vector, w: Scratch, ctx: Indices
+) -> float:  # fmt: skip
     """The noise of guard i near (t, x): its second differences over a few neighbouring points.
 
     Over such distances those of a smooth function almost vanish; the rest is rounding inside h, which its
@@ -247,11 +252,13 @@ def guard_noise(i: int, t: float, x: Vector, p: Vector, m: Vector, w: Scratch, c
     """
     y, h = w.stage, w.h
     noise, one, two = 0.0, 0.0, 0.0
+    # States are known no better than this. Time is exact, and may be much longer than anything takes.
+    later = max(min(NEIGHBOUR * abs(t), IN_STEP * abs(step)), BESIDE * EPS * abs(t))
     for q in range(7):
         factor = 1.0 + NEIGHBOUR * float(q)
         for j in range(N):
             y[j] = x[j] * factor
-        if guards(t * factor, y, p, m, h, ctx) != 0:
+        if guards(t + later * float(q), y, p, m, h, ctx) != 0:
             return 0.0
         if q >= 2:
             noise = max(noise, abs(h[i] - 2.0 * one + two))
