@@ -7,7 +7,7 @@ from campaigns import part
 
 PROFILE = os.environ.get("FILIPPOV_PROFILE", "default")
 PARTS = 4
-CI = {"linear": 1000, "resets": 400, "metamorphic": 120, "trees": 16}
+CI = {"linear": 600, "resets": 240, "metamorphic": 80, "trees": 8}
 NIGHTLY = {"linear": 100_000, "resets": 10_000, "metamorphic": 10_000, "trees": 400}
 DRAWS = NIGHTLY if PROFILE == "nightly" else CI
 SHARE = 0.1 if PROFILE == "default" else 1.0

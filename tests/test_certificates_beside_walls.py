@@ -23,7 +23,7 @@ Array = npt.NDArray[np.float64]
 Equilibrium = EquilibriumPoint | EquilibriumSet
 x, v, y, w = states("x v y w")
 AS, ST, UN = "asymptotically stable", "stable", "unstable"
-DRAWS = range({"nightly": 300}.get(os.environ.get("FILIPPOV_PROFILE", ""), 6))
+DRAWS = range({"nightly": 300}.get(os.environ.get("FILIPPOV_PROFILE", ""), 3))
 HALF = sympy.Rational(1, 2)
 # Bounces from a height r have speeds of sqrt(r), so near is within some of these.
 R, NEAR, FAR = 1e-5, 10.0, 4.0

@@ -46,7 +46,7 @@ def drawn(rng: np.random.Generator, depth: int) -> Any:
 def test_random_functions_against_sympy(modules: Any) -> None:
     """First derivatives, and slopes of rates along a field, to rounding of the terms; most are taken."""
     rng, taken, tried = np.random.default_rng(7), 0, 0
-    for _ in range(150):
+    for _ in range(60):
         h, f = drawn(rng, 3), (drawn(rng, 1), drawn(rng, 2))
         rate = sum(h.diff(v) * w for v, w in zip((X, Y, T), (*f, 1), strict=True))
         if rate.has(sympy.Derivative, sympy.DiracDelta) or h.has(sympy.zoo, sympy.nan):
@@ -70,7 +70,7 @@ def test_random_functions_against_sympy(modules: Any) -> None:
         if second is not None and not h.has(sympy.Abs, sympy.Max, sympy.Min):
             wanted = [float(rate.diff(v).subs(place).evalf(30)) for v in (X, Y, T)]
             np.testing.assert_allclose(second[1][0], wanted, rtol=1e-9, atol=1e-10)
-    assert tried > 120
+    assert tried > 45
     # numpy's minimum of objects and functions of scipy take no dual numbers.
     assert taken > (0.9 if modules == "math" else 0.5) * tried
 

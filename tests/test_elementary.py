@@ -70,7 +70,7 @@ def test_13_4_a_formula_that_jumps_is_refused_with_what_to_write() -> None:
 
 # Written as whole numbers of halves they need no pow; floats and quotients are the same exponents.
 @pytest.mark.parametrize("exponent", [sympy.Rational(3, 2), 1.5, sympy.Rational(-3, 2), -1.5])
-@pytest.mark.parametrize("base", [2.5e-180, 3e-7, 0.4, 7.0, 1e6, 3e60])
+@pytest.mark.parametrize("base", [2.5e-180, 0.4, 3e60])
 def test_13_4_powers_of_three_halves(base: float, exponent: Any) -> None:
     known = mpmath.mpf(base) ** (mpmath.mpf(3) / 2 * (1 if exponent > 0 else -1))
     scale = float(1 / known) if 0 < float(1 / known) < math.inf else 1.0

@@ -79,7 +79,7 @@ def drawn(name: str, count: int) -> list[Member]:
 @pytest.mark.parametrize("name", CURVES)
 def test_slides_rest_where_their_curve_ends(name: str) -> None:
     """Random control, slope, friction, load and start: the time along the curve, and rest."""
-    rows = drawn(name, 10)
+    rows = drawn(name, 4)
     for q, x0, met, v, rest in rows:
         run = solve(SYSTEMS[name], x0, (0, rest + 2), parameters=q)
         assert run.success, (q, x0, run.message)

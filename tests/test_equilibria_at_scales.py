@@ -37,8 +37,8 @@ def test_roots_of_a_field_in_any_units(size: float, rate: float) -> None:
     assert missed <= 1
 
 
-@pytest.mark.parametrize("rate", [1e-10, 1.0, 1e6])
-@pytest.mark.parametrize("size", [1e-9, 1e-6, 1.0, 1e3])
+@pytest.mark.parametrize("rate", [1e-10, 1e6])
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e3])
 def test_a_stick_set_in_any_units(size: float, rate: float) -> None:
     """x'' = -x - size sgn(x'), in units of time: the block sticks on |x| <= size."""
     system = plain(
@@ -65,8 +65,8 @@ def test_small_equilibria_of_a_formula_that_has_no_solution_in_formulas(size: fl
     np.testing.assert_allclose(near, zeros, atol=1e-6)
 
 
-@pytest.mark.parametrize("power", [2, 3, 4, 5, 7])
-@pytest.mark.parametrize("place", [0.0, 1.5, -7.0])
+@pytest.mark.parametrize("power", [2, 3, 5])
+@pytest.mark.parametrize("place", [0.0, -7.0])
 @pytest.mark.parametrize("rate", [1e-8, 1.0])
 def test_a_multiple_zero_is_found_once(power: int, place: float, rate: float) -> None:
     found = equilibria(plain(lambda t, x, p, s: [-rate * (x[0] - place) ** power]))

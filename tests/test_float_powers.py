@@ -23,7 +23,7 @@ from filippov.analysis.algebra.polynomial import exact
 
 x, v, y = states("x v y")
 AS, ST = "asymptotically stable", "stable"
-DRAWS = range({"nightly": 200}.get(os.environ.get("FILIPPOV_PROFILE", ""), 4))
+DRAWS = range({"nightly": 200}.get(os.environ.get("FILIPPOV_PROFILE", ""), 2))
 # A report here takes less than a second; without the rule it takes hours and gigabytes.
 SECONDS = 20
 

@@ -15,7 +15,7 @@ from filippov.analysis.orbits.oddness import is_odd
 from filippov.analysis.orbits.saddle import _signs
 from filippov.analysis.sensitivity.variation import signs_at
 
-DRAWS = {"default": 8, "ci": 16}.get(os.environ.get("FILIPPOV_PROFILE", "default"), 400)
+DRAWS = {"default": 8, "ci": 8}.get(os.environ.get("FILIPPOV_PROFILE", "default"), 400)
 x, y = states("x y")
 
 

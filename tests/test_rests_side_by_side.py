@@ -18,7 +18,7 @@ from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSe
 
 x, v, y = states("x v y")
 AS, ST = "asymptotically stable", "stable"
-DRAWS = range({"nightly": 300}.get(os.environ.get("FILIPPOV_PROFILE", ""), 6))
+DRAWS = range({"nightly": 300}.get(os.environ.get("FILIPPOV_PROFILE", ""), 4))
 NEAR = (1e-4, 1e-6, 1e-8)
 Span = tuple[float, float]
 Equilibrium = EquilibriumPoint | EquilibriumSet

@@ -21,7 +21,7 @@ from filippov.analysis.steady.equilibrium import EquilibriumSet
 
 Array = npt.NDArray[np.float64]
 Q, V = states("x y z"), states("u v w")
-DRAWS = range({"nightly": 150}.get(os.environ.get("FILIPPOV_PROFILE", ""), 8))
+DRAWS = range({"nightly": 150}.get(os.environ.get("FILIPPOV_PROFILE", ""), 5))
 CLOSE = 1e-6
 
 

@@ -258,6 +258,13 @@ def test_12_the_check_of_latex_sees_what_is_broken() -> None:
     assert not broken(r"\section{A\_b} $x_{1} + \frac{\beta}{2}$")
 
 
+def test_12_the_file_of_latex_is_a_document() -> None:
+    report = stability_report(registry.get("belt").build())
+    head, body = report.to_latex(document=True).split("\\begin{document}\n")
+    assert head.splitlines() == [r"\documentclass{article}", r"\usepackage{amsmath,amssymb}"]
+    assert body == report.to_latex().rstrip() + "\n\\end{document}\n"
+
+
 def test_12_names_of_states_are_formulas_in_latex() -> None:
     x1, x2 = states("x1 x2")
     p = parameters(Fs=2.0, k_p=3.0)

@@ -9,8 +9,8 @@ from stacks import draw, faults, split, stack
 from filippov import Status, Surface, System, parameters, sign, solve, states, t
 
 PROFILE = os.environ.get("FILIPPOV_PROFILE", "default")
-# The more bodies, the longer a draw takes: 300 in all in "ci", 10,200 in "nightly".
-DRAWS = {"default": (10,) * 6, "ci": (120, 100, 40, 20, 12, 8), "nightly": (1700,) * 6}[PROFILE]
+# The more bodies, the longer a draw takes: 150 in all in "ci", 10,200 in "nightly".
+DRAWS = {"default": (10,) * 6, "ci": (60, 50, 20, 10, 6, 4), "nightly": (1700,) * 6}[PROFILE]
 # Impacts whose order rounding hides and whose result depends on it, and clusters of tens of thousands.
 NAMED = (Status.NON_UNIQUE, Status.MAX_EVENTS)
 # Part of the draws that may end so: those that start with such impacts are among them.

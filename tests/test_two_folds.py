@@ -17,7 +17,7 @@ KINDS = ("visible", "visible-invisible", "invisible")
 
 
 def size(ci: int, nightly: int) -> int:
-    return {"ci": ci, "nightly": nightly}.get(PROFILE, ci // 3)
+    return {"ci": ci // 2, "nightly": nightly}.get(PROFILE, ci // 3)
 
 
 _names = [

@@ -29,7 +29,7 @@ from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSe
 from filippov.analysis.steady.linearisation import linearise
 
 Array = npt.NDArray[np.float64]
-ON, CLEAR = 1e-9, 1e-9
+CLEAR = 1e-9
 # Where along a set the verdict is asked.
 SPOTS = (0.47, 0.03, 0.26, 0.71, 0.97)
 PLANE = "proved in filippov.analysis.local_stability.planar_cone"
@@ -84,7 +84,7 @@ def surfaces_at(context: Context, found: EquilibriumPoint | EquilibriumSet) -> l
         for i, h in enumerate(places)
         if found.mode[i] != "0"
         and context.system.surfaces[i].kind in {"kink", "reset"}
-        and all(abs(context.number(h, at)) <= ON for at in _spots(found))
+        and all(context.vanishes(h, at) for at in _spots(found))
     ]
 
 
@@ -180,8 +180,8 @@ def set_ends(context: Context, found: EquilibriumSet) -> list[EquilibriumPoint]:
             continue
         x = tuple(e.subs(found.free[0], edge) for e in found.x)
         put = dict(zip(form.x, x, strict=True))
-        places = [context.number(h.subs(context.put).subs(put)) for h in form.h_at_mode(found.mode)]
-        if any(abs(place) <= ON and i not in along for i, place in enumerate(places)):
+        places = [h.subs(context.put) for h in form.h_at_mode(found.mode)]
+        if any(i not in along and context.vanishes(place, put) for i, place in enumerate(places)):
             value = tuple(context.number(e) for e in x)
             ends.append(EquilibriumPoint(found.mode, found.states, x, (), value, (), "boundary equilibrium"))
     return ends

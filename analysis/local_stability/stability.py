@@ -32,6 +32,7 @@ from filippov.analysis.local_stability.stability_result import (
     Statement,
 )
 from filippov.analysis.local_stability.stick_parts import Beside, Judged, beside_others, joined
+from filippov.analysis.steady.edges import side
 from filippov.analysis.steady.equilibria import MOST_MODES, equilibria, mode_options, mode_signs
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Missing
 from filippov.analysis.steady.forcing import depends_on_time
@@ -49,7 +50,7 @@ from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
 
 # Modes beside one equilibrium that are searched although they were not asked for.
-ON, MOST_BESIDE = 1e-9, 81
+MOST_BESIDE = 81
 
 
 class StabilityReport(StabilityResult, Shown):
@@ -66,9 +67,10 @@ class StabilityReport(StabilityResult, Shown):
         """Markdown with the formulas in $...$."""
         return stability_text.render(self, stability_text.markdown_style(self.decimals))
 
-    def to_latex(self) -> str:
-        """LaTeX sections, for a document with amsmath."""
-        return stability_text.render(self, stability_text.latex_style(self.decimals))
+    def to_latex(self, document: bool = False) -> str:
+        """LaTeX sections, for a document with amsmath; with `document` one that compiles as it is."""
+        sections = stability_text.render(self, stability_text.latex_style(self.decimals))
+        return stability_text.latex_document(sections) if document else sections
 
     def to_dict(self) -> dict[str, Any]:
         """Strings, numbers, lists and dicts only."""
@@ -171,8 +173,7 @@ def _unsearched(
         places = [e.x] if isinstance(e, EquilibriumPoint) else [end.x for end in e.ends]
         signs = []
         for mark, h, option in zip(e.mode, form.plain_h(), options, strict=True):
-            at = [h.subs(dict(zip(form.x, x, strict=True))).subs(values) for x in places]
-            on = mark == "0" or any(q.is_number and abs(complex(q)) <= ON for q in at)
+            on = mark == "0" or any(side(h, dict(zip(form.x, x, strict=True)), values) == 0 for x in places)
             signs.append(option if on else mark)
         if math.prod(map(len, signs)) <= MOST_BESIDE:
             out |= {"".join(mode) for mode in itertools.product(*signs)}

@@ -17,6 +17,7 @@ from filippov.analysis.algebra.polynomial import Verdict, count_roots, exact
 from filippov.analysis.algebra.routh_hurwitz import RouthHurwitz, routh_hurwitz
 from filippov.analysis.local_stability.linear_growth import is_bounded
 from filippov.analysis.local_stability.stability_result import EIGENVALUE, SetStability, Solved
+from filippov.analysis.steady.edges import side
 from filippov.analysis.steady.linearisation import SlidingLinearisation
 from filippov.base.errors import UsageError
 from filippov.model import symbols
@@ -56,6 +57,10 @@ class Context:
             return float("nan")
         real, imaginary = value.as_real_imag()
         return float(real) if abs(imaginary) < SMALL else float("nan")
+
+    def vanishes(self, expression: Expr, at: Mapping[Symbol, Expr]) -> bool:
+        """Whether an expression is 0 at a place: exactly, or to a part of its terms if they are floats."""
+        return side(expression, at, self.values) == 0
 
     def numbers(
         self, matrix: sympy.Matrix, more: Mapping[Symbol, Expr] | None = None

@@ -86,6 +86,12 @@ def latex_style(decimals: bool) -> Style:
     )
 
 
+def latex_document(sections: str) -> str:
+    """Sections in a document of their own."""
+    head = r"\documentclass{article}", r"\usepackage{amsmath,amssymb}", r"\begin{document}"
+    return "\n".join([*head, sections.rstrip(), r"\end{document}", ""])
+
+
 def render(result: StabilityResult, style: Style) -> str:
     """Return the whole report."""
     values = ", ".join(f"{style.escape(name)} = {value:g}" for name, value in result.parameters)

@@ -46,13 +46,14 @@ def _in_mode(context: Context, mode: str, point: EquilibriumPoint) -> bool:
         return np.asarray(gradient / length if length > ON else 0.0 * gradient)
 
     field, signs = sympy.Matrix(form.at_mode(mode)), form.signs(mode)
-    h, slopes = at(sympy.Matrix(form.h_at_mode(mode))).ravel(), at(form.gradients(mode))
+    h = [e.subs(context.put) for e in form.h_at_mode(mode)]
+    slopes = at(form.gradients(mode))
     A, G = at(form.jacobian(mode)), at(field.jacobian([form.s[i] for i in on]) if on else sympy.zeros(0, 0))
-    if not all(np.all(np.isfinite(part)) for part in (h, slopes, A, G)):
+    if not all(np.all(np.isfinite(part)) for part in (slopes, A, G)):
         return False
     if not np.max(np.abs(at(field))) <= ON:
         return False
-    inwards = [m * row(slopes[i]) for i, m in enumerate(signs) if m and abs(h[i]) <= ON]
+    inwards = [m * row(slopes[i]) for i, m in enumerate(signs) if m and context.vanishes(h[i], place)]
     if on:
         normal = slopes[on] @ G
         if abs(np.linalg.det(normal)) < ON:

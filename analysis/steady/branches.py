@@ -31,6 +31,8 @@ ROOTS = 1.0
 # stops.
 MOST_DEGREE = 60
 
+WAVES = (sympy.sin, sympy.cos, sympy.tan)
+
 Family = dict[Symbol, Expr]
 
 
@@ -252,8 +254,12 @@ class Elimination:
                 return real_roots(polynomial)
             if polynomial.degree() > 2:
                 return None
+        unit = _unit_of_waves(equation, unknown)
+        scaled = equation.subs(unknown, unknown / unit)
+        if _exponential_degree(scaled, WAVES) > MOST_DEGREE or _beside_waves(scaled, unknown):
+            return None
         try:
-            roots = self.clock.within(lambda: sympy.solve(equation, unknown), ROOTS)
+            roots = [r / unit for r in self.clock.within(lambda: sympy.solve(scaled, unknown), ROOTS)]
         except OutOfBudgetError:
             self.clock.check()
             return _of_one_power(equation, unknown)
@@ -278,10 +284,16 @@ class Elimination:
             place = {x: self._number(e.subs(point)) for x, e in branch.items()}
             if any(v is None for v in place.values()):
                 continue
-            residuals = [self._number(e.subs({**place, **point})) for e in equations]
-            if all(r is not None and abs(r) < ROUNDING for r in residuals):
+            if all(self._balanced(e, {**place, **point}) for e in equations):
                 return True
         return False
+
+    def _balanced(self, equation: Expr, place: Mapping[Symbol, Any]) -> bool:
+        """Whether the terms of an equation cancel at a place."""
+        whole = self._number(equation.subs(place))
+        terms = [self._number(e.subs(place)) for e in sympy.Add.make_args(equation)]
+        sizes = [abs(e) for e in terms if e is not None]
+        return whole is not None and len(sizes) == len(terms) and abs(whole) < ROUNDING * max(1, sum(sizes))
 
     def _number(self, expression: Expr) -> Expr | None:
         value = expression.subs(self.values).evalf(25)
@@ -332,11 +344,32 @@ def _degree(expression: Expr) -> int:
     return largest
 
 
-def _exponential_degree(expression: Expr) -> int:
+def _unit_of_waves(equation: Expr, unknown: Symbol) -> Expr:
+    """k of the sines and cosines of k x + c: with 1e8 in it they are a polynomial of that degree to sympy."""
+    slopes = (q.args[0].diff(unknown) for q in equation.atoms(*WAVES))
+    return min((k for k in slopes if k.is_Rational and k != 0), key=abs, default=sympy.S.One)
+
+
+def periodic(equation: Expr, unknown: Symbol) -> bool:
+    """Whether the unknown stands in sines alone."""
+    return equation.has(*WAVES) and not _outside_of_waves(equation, unknown)
+
+
+def _outside_of_waves(equation: Expr, unknown: Symbol) -> bool:
+    waves = {q: sympy.Dummy() for q in equation.atoms(*WAVES) if q.has(unknown)}
+    return bool(equation.xreplace(waves).has(unknown))
+
+
+def _beside_waves(equation: Expr, unknown: Symbol) -> bool:
+    """Whether the unknown stands in sines and outside of them: such roots have no formulas."""
+    return any(q.has(unknown) for q in equation.atoms(*WAVES)) and _outside_of_waves(equation, unknown)
+
+
+def _exponential_degree(expression: Expr, functions: Sequence[type] = (sympy.exp,)) -> int:
     """The largest degree in an exponential of which all exponentials with the same exponent are powers."""
     found: dict[Expr, set[sympy.Rational]] = {}
-    for power in expression.atoms(sympy.exp):
-        for term in sympy.Add.make_args(power.exp.expand()):
+    for power in expression.atoms(*functions):
+        for term in sympy.Add.make_args(power.args[0].expand()):
             number, rest = term.as_coeff_Mul(rational=True)
             if rest.free_symbols:
                 found.setdefault(rest, set()).add(number)

@@ -59,8 +59,12 @@ def real_roots(polynomial: Poly) -> list[Expr]:
     """The real roots of a polynomial in one unknown whose coefficients are numbers."""
     if polynomial.degree() < 1:
         return []
-    parts = [r.as_real_imag() for r in polynomial.nroots(n=DIGITS, maxsteps=STEPS)]
-    return [real for real, imaginary in parts if abs(imaginary) < ROUNDING * max(1, abs(real))]
+    (least,), rest = polynomial.terms_gcd()
+    zero = [sympy.S.Zero] * least
+    if rest.degree() < 1:
+        return zero
+    parts = [r.as_real_imag() for r in rest.nroots(n=DIGITS, maxsteps=STEPS)]
+    return [*zero, *(real for real, imaginary in parts if abs(imaginary) < ROUNDING * abs(real))]
 
 
 def _at(polynomial: Poly, u: Symbol, v: Symbol, at: Expr) -> list[Expr]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import sympy
@@ -416,6 +416,7 @@ def _without_doubles(
     half: list[EquilibriumPoint] = []
     formulas = set()
     numbers = _numbers(system, p)
+    near = _Nearness.of(found)
     for e in found:
         # In the plane what cuts two halves off is in the conditions only.
         if isinstance(e, EquilibriumSet) and (what := _described(e)) not in formulas:
@@ -425,12 +426,12 @@ def _without_doubles(
             half += () if e.bounded else e.ends
             kept.append(e)
     for e in found:
-        if isinstance(e, EquilibriumPoint) and not any(_near(e.value, place) for place in places):
+        if isinstance(e, EquilibriumPoint) and not any(near(e.value, place) for place in places):
             # A point that slides where a half line ends has a verdict of its own.
-            if any(_near(e.value, end.value) and _slides(e) == _slides(end) for end in half):
+            if any(near(e.value, end.value) and _slides(e) == _slides(end) for end in half):
                 continue
             places.append(e.value)
-            if not any(_inside(e, s, numbers) for s in kept if isinstance(s, EquilibriumSet)):
+            if not any(_inside(e, s, numbers, near) for s in kept if isinstance(s, EquilibriumSet)):
                 kept.append(e)
     return kept
 
@@ -443,7 +444,9 @@ def _slides(point: EquilibriumPoint) -> list[bool]:
     return [m == "0" for m in point.mode]
 
 
-def _inside(point: EquilibriumPoint, found: EquilibriumSet, numbers: Mapping[Symbol, Expr]) -> bool:
+def _inside(
+    point: EquilibriumPoint, found: EquilibriumSet, numbers: Mapping[Symbol, Expr], near: _Nearness
+) -> bool:
     """Whether a point of the same mode lies in a set whose free symbols are states."""
     at = dict(zip(point.states, point.value, strict=True))
     if point.mode != found.mode or any(q.name not in at for q in found.free):
@@ -451,8 +454,25 @@ def _inside(point: EquilibriumPoint, found: EquilibriumSet, numbers: Mapping[Sym
     put = {q: sympy.Float(at[q.name], 20) for q in found.free}
     within = all(a <= at[q.name] <= b for q, (a, b) in zip(found.free, found.bounds, strict=True))
     values = [e.subs(put).subs(numbers).evalf(20) for e in found.x]
-    return within and all(v.is_number for v in values) and _near([float(v) for v in values], point.value)
+    return within and all(v.is_number for v in values) and near([float(v) for v in values], point.value)
 
 
-def _near(x: Sequence[float], y: Sequence[float]) -> bool:
-    return all(abs(a - b) <= 1e-9 * max(1.0, abs(a)) for a, b in zip(x, y, strict=True))
+@dataclass(frozen=True)
+class _Nearness:
+    """Whether two places are one: formulas to rounding, what was searched to the accuracy of the search."""
+
+    known: tuple[float, ...]
+
+    @classmethod
+    def of(cls, found: Sequence[EquilibriumPoint | EquilibriumSet]) -> _Nearness:
+        """By the sizes of the places found."""
+        places = [e.value for e in found if isinstance(e, EquilibriumPoint)]
+        places += [end.value for e in found if isinstance(e, EquilibriumSet) for end in e.ends]
+        least = 1e-60 if all(e.exact for e in found) else 1e-9
+        return cls(tuple(max(least, 1e-15 * max(map(abs, column))) for column in zip(*places, strict=True)))
+
+    def __call__(self, x: Sequence[float], y: Sequence[float]) -> bool:
+        return all(
+            abs(a - b) <= max(1e-9 * max(abs(a), abs(b)), known)
+            for a, b, known in zip(x, y, self.known, strict=True)
+        )

@@ -13,7 +13,8 @@ from scipy.optimize import brentq
 from sympy import Expr, Symbol
 
 from filippov.analysis.algebra.polynomial import plain_exponents
-from filippov.analysis.steady.branches import Family, short
+from filippov.analysis.steady.branches import Family, periodic, short
+from filippov.analysis.steady.common_roots import real_roots
 from filippov.analysis.steady.edges import TOLERANCE, real_number, side
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, PointKind
 from filippov.analysis.steady.interior import inner_point, is_affine
@@ -23,6 +24,7 @@ from filippov.model.system import System
 FAR = 1e6
 # Borders of a set that are taken in formulas, and the places that are looked at where there are none.
 MOST_ROOTS, SAMPLES = 20, 4001
+SIZES = np.logspace(-15, 15, 1801)
 
 
 @dataclass(frozen=True)
@@ -299,7 +301,7 @@ class Existence:
         pieces: list[tuple[Expr, Expr]] = []
         joined = False
         for (a, low), (b, high) in itertools.pairwise(marks):
-            if b - a <= TOLERANCE:
+            if b - a <= TOLERANCE * min(1.0, max(abs(a), abs(b))):
                 continue
             middle = _between(a, b, FAR)
             inside = True
@@ -328,9 +330,14 @@ class Existence:
         return found
 
     def _solved(self, g: Expr, c: Symbol) -> list[Expr]:
-        """The zeros of g(c) in formulas; where there are none, those found by sampling the range of c."""
+        """The zeros of g(c) in formulas; where there are none, those found by sampling c at all sizes."""
+        numerator, denominator = sympy.fraction(sympy.together(g))
+        if numerator.is_polynomial(c) and denominator.is_polynomial(c):
+            return [root for e in (numerator, denominator) for root in _polynomial_roots(e, c)]
+        low, high = self.ranges.get(c, (-FAR, FAR))
+        far = FAR * max(abs(low), abs(high)) / 10
         try:
-            found = list(itertools.islice(sympy.solveset(g, c, sympy.Interval(-FAR, FAR)), MOST_ROOTS + 1))
+            found = list(itertools.islice(sympy.solveset(g, c, sympy.Interval(-far, far)), MOST_ROOTS + 1))
         except (TypeError, NotImplementedError, ValueError):
             found = []
         else:
@@ -338,15 +345,16 @@ class Existence:
                 return found
         self.searched.add(c)
         at = sympy.lambdify(c, g, "numpy")
-        places = np.linspace(*self.ranges.get(c, (-FAR, FAR)), SAMPLES)
+        places = np.linspace(low, high, SAMPLES)
+        if not periodic(g, c):
+            places = np.unique([*places, *-SIZES, 0.0, *SIZES])
         with np.errstate(all="ignore"):
             values = np.array([complex(at(x)) for x in places])
         real = np.isfinite(values) & (values.imag == 0)
         turns = real[:-1] & real[1:] & (np.sign(values.real[:-1]) != np.sign(values.real[1:]))
-        return [
-            sympy.Float(brentq(lambda x: float(at(x)), places[k], places[k + 1], xtol=1e-14), 17)
-            for k in np.flatnonzero(turns)
-        ]
+        between = [(places[k], places[k + 1]) for k in np.flatnonzero(turns)]
+        roots = [brentq(lambda x: float(at(x)), a, b, xtol=1e-100, maxiter=1000) for a, b in between]
+        return [sympy.Float(root, 17) for root in roots]
 
     def _box(self, q: Symbol, bounds: list[Bound]) -> tuple[Expr, Expr]:
         """The limits of one of several free symbols that hold it alone."""
@@ -386,8 +394,18 @@ def _between(low: float, high: float, far: float = 1.0) -> float:
     if low == -high:
         return 0.0
     if low == -float("inf"):
-        return high - far
-    return low + far if high == float("inf") else (low + high) / 2
+        return high - far * max(1.0, abs(high))
+    return low + far * max(1.0, abs(low)) if high == float("inf") else (low + high) / 2
+
+
+def _polynomial_roots(g: Expr, c: Symbol) -> list[Expr]:
+    """The real roots of a polynomial, of any size: in formulas where its coefficients are fractions."""
+    polynomial = sympy.Poly(g, c)
+    if polynomial.degree() < 1:
+        return []
+    if polynomial.domain.is_ZZ or polynomial.domain.is_QQ:
+        return list(polynomial.sqf_part().real_roots())
+    return real_roots(polynomial)
 
 
 def _as_float(number: float | None, expression: Expr) -> float:

@@ -32,7 +32,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     console.say(str(report))
     folder.content("report.txt", report.to_text())
     folder.content("report.md", report.to_markdown())
-    folder.content("report.tex", report.to_latex())
+    folder.content("report.tex", report.to_latex(document=True))
     folder.content("report.json", report.to_json())
     if settings["certify"]:
         with console.progress("certificates"):
