@@ -30,7 +30,15 @@ from filippov.solving.resets.passed import passed, slipped
 from filippov.solving.resets.reset_cycle import rests_in_cycle
 from filippov.solving.resets.slow_spiral import slow_spiral
 from filippov.solving.resets.zeno import Accumulation, accumulates, power_law
-from filippov.solving.selection.ambiguity import BEFORE_A_RESET, SPIRAL, Ambiguity, listing, noted, picked
+from filippov.solving.selection.ambiguity import (
+    BEFORE_A_RELAY,
+    BEFORE_A_RESET,
+    SPIRAL,
+    Ambiguity,
+    listing,
+    noted,
+    picked,
+)
 from filippov.solving.selection.attraction import LOST, Attraction
 from filippov.solving.selection.fold_point import depart, followers, funnelled
 from filippov.solving.selection.higher_order import Begun, HigherOrder
@@ -341,13 +349,21 @@ class _Loop(Settling):
         return ended if ended is not None else self._budgets()
 
     def _back_over(self, triggered: Sequence[int]) -> tuple[Status, str] | None:
-        """Backwards in time a reset is not undone: the end of the run where one may have happened."""
-        run = self.run
-        resets = [i for i in triggered if i >= run.machine.m or run.machine.resets_from[i]]
-        names = [source_name(run, i) for i in resets]
+        """Backwards in time no reset is undone, and no relay with hysteresis: the end of the run at one."""
+        run, m = self.run, self.run.machine.m
+        relays = [i for i in triggered if i < m and run.machine.widths[i] > 0]
+        resets = [i for i in triggered if i >= m or run.machine.resets_from[i]]
+        names = [source_name(run, i) for i in resets or relays]
         if run.direction > 0 or not names:
             return None
-        triggered = tuple(i for i in resets if i < run.machine.m)
+        if not resets:
+            self.ambiguity = Ambiguity(run.t, BEFORE_A_RELAY, (), run.signs, tuple(relays), start=False)
+            return self._end(
+                Status.NON_UNIQUE,
+                f"backwards in time, {', '.join(map(repr, names))} is reached at the edge of its band; the "
+                f"sign that led to the state {state_text(run)} is not determined.",
+            )
+        triggered = tuple(i for i in resets if i < m)
         self.ambiguity = Ambiguity(run.t, BEFORE_A_RESET, (), run.signs, triggered, start=False)
         return self._end(
             Status.NON_UNIQUE,

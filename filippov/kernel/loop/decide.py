@@ -13,6 +13,7 @@ from filippov.kernel.loop.model import (
     RESETS,
     ROLE,
     ROOTS,
+    WIDTH,
     M,
     N,
     radii,
@@ -66,6 +67,8 @@ def kind_of(run: Trajectory) -> int:
         return resolve_touch(te, x, p, m, surface, w, iw, ctx)
     if cause == ROOT:
         if RESETS and RESET_FROM[surface] != 0 and (w.direction < 0.0 or due):
+            return NONE
+        if WIDTH[surface] > 0.0 and w.direction < 0.0:  # the sign before is not determined
             return NONE
         if RESETS and resets_from(surface, m[surface]):
             return apply_reset(te, x, p, m, order, surface, w, iw, ctx)

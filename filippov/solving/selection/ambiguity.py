@@ -23,7 +23,7 @@ from filippov.solving.state.run import Run, guard_terms
 
 CORNER, REPELLING = "ambiguous corner", "repelling sliding"
 SPIRAL = "spiral out of a corner"
-BEFORE_A_RESET = "before a reset"
+BEFORE_A_RESET, BEFORE_A_RELAY = "before a reset", "before a relay"
 VISIBLE, INVISIBLE, MIXED = "visible two-fold", "invisible two-fold", "visible-invisible two-fold"
 TANGENCY, STICTION = "visible tangency", "sliding or slip"
 
@@ -38,7 +38,7 @@ class Ambiguity:
                 Lipschitz", or "spiral out of a corner": a solution that circles the corner leaves it in
                 infinitely many crossings, and is not among the candidates; backwards in
                 time "before a reset", without candidates: the state from which the reset led here is not
-                determined
+                determined; "before a relay": the sign is not that a relay with hysteresis had before
     candidates  every consistent next mode
     before      the mode in which the point was reached
     triggered   numbers of the surfaces that were reached there (`hit`: its earlier name)
