@@ -48,7 +48,7 @@ def test_a_run_backwards_is_a_solution_or_ends_at_the_edge(system: System) -> No
             continue
         ended += 1
         assert back.status is Status.NON_UNIQUE
-        assert "'relay' is reached at the edge of its band" in back.message
+        assert "'relay' is reached, where a relay at the edge of its band" in back.message
         assert abs(abs(back.x_end[0]) - 0.5) < 1e-9
         assert back.ambiguity.name == "before a relay"
     assert 2 <= ended <= len(DRAWS) - 2

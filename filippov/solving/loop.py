@@ -30,15 +30,7 @@ from filippov.solving.resets.passed import passed, slipped
 from filippov.solving.resets.reset_cycle import rests_in_cycle
 from filippov.solving.resets.slow_spiral import slow_spiral
 from filippov.solving.resets.zeno import Accumulation, accumulates, power_law
-from filippov.solving.selection.ambiguity import (
-    BEFORE_A_RELAY,
-    BEFORE_A_RESET,
-    SPIRAL,
-    Ambiguity,
-    listing,
-    noted,
-    picked,
-)
+from filippov.solving.selection.ambiguity import BACKWARDS, SPIRAL, Ambiguity, listing, noted, picked
 from filippov.solving.selection.attraction import LOST, Attraction
 from filippov.solving.selection.fold_point import depart, followers, funnelled
 from filippov.solving.selection.higher_order import Begun, HigherOrder
@@ -353,22 +345,16 @@ class _Loop(Settling):
         run, m = self.run, self.run.machine.m
         relays = [i for i in triggered if i < m and run.machine.widths[i] > 0]
         resets = [i for i in triggered if i >= m or run.machine.resets_from[i]]
-        names = [source_name(run, i) for i in resets or relays]
-        if run.direction > 0 or not names:
+        sources = resets or relays
+        if run.direction > 0 or not sources:
             return None
-        if not resets:
-            self.ambiguity = Ambiguity(run.t, BEFORE_A_RELAY, (), run.signs, tuple(relays), start=False)
-            return self._end(
-                Status.NON_UNIQUE,
-                f"backwards in time, {', '.join(map(repr, names))} is reached at the edge of its band; the "
-                f"sign that led to the state {state_text(run)} is not determined.",
-            )
-        triggered = tuple(i for i in resets if i < m)
-        self.ambiguity = Ambiguity(run.t, BEFORE_A_RESET, (), run.signs, triggered, start=False)
+        name = "before a reset" if resets else "before a relay"
+        here = tuple(i for i in sources if i < m)
+        self.ambiguity = Ambiguity(run.t, name, (), run.signs, here, start=False)
+        names = ", ".join(repr(source_name(run, i)) for i in sources)
+        text = f"backwards in time, {names} is reached, where {BACKWARDS[name]} may have led to the state"
         return self._end(
-            Status.NON_UNIQUE,
-            f"backwards in time, {', '.join(map(repr, names))} is reached, where a reset may have "
-            f"led to the state {state_text(run)}; what was before it is not determined.",
+            Status.NON_UNIQUE, f"{text} {state_text(run)}; what was before it is not determined."
         )
 
     def _reset(

@@ -23,7 +23,7 @@ from filippov.solving.state.run import Run, guard_terms
 
 CORNER, REPELLING = "ambiguous corner", "repelling sliding"
 SPIRAL = "spiral out of a corner"
-BEFORE_A_RESET, BEFORE_A_RELAY = "before a reset", "before a relay"
+BACKWARDS = {"before a reset": "a reset", "before a relay": "a relay at the edge of its band"}
 VISIBLE, INVISIBLE, MIXED = "visible two-fold", "invisible two-fold", "visible-invisible two-fold"
 TANGENCY, STICTION = "visible tangency", "sliding or slip"
 
