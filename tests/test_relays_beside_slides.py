@@ -105,13 +105,15 @@ def test_relays_switch_beside_a_slide_for_many_and_for_functions() -> None:
     assert np.allclose(many.x, [end for _, (_, end) in given], rtol=0, atol=1e-8)
 
     for draw, (_, end) in given[:5]:
-        a, b, e, q, c, k, l, w = draw.values.values()
-
-        def field(t, x, p, s, a=a, b=b, e=e, q=q, c=c, k=k, l=l):  # type: ignore[no-untyped-def]
-            return [a - b * s[0] + e * s[1], q + c * s[0] - (k + l * s[0]) * s[1]]
-
-        surfaces = [Surface("relay", lambda t, x, p: x[0], width=w), Surface("y", lambda t, x, p: x[1])]
-        run = solve(System(field=field, surfaces=surfaces, states="x y"), draw.start, (0, END))
+        relay = Surface("relay", lambda t, x, p: x[0], width=draw.values["w"])
+        functions = System(
+            field=lambda t, x, p, s: [
+                p["a"] - p["b"] * s[0] + p["e"] * s[1],
+                p["q"] + p["c"] * s[0] - (p["k"] + p["l"] * s[0]) * s[1],
+            ],
+            surfaces=[relay, Surface("y", lambda t, x, p: x[1])], states="x y", parameters=draw.values,
+        )  # fmt: skip
+        run = solve(functions, draw.start, (0, END))
         assert run.success
         assert np.allclose(run.x_end, end, rtol=0, atol=1e-8)
 

@@ -14,6 +14,7 @@ import sympy
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.local_stability.stability_context import Context
+from filippov.analysis.steady.edges import side
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
 
 Array = npt.NDArray[np.float64]
@@ -46,14 +47,14 @@ def _in_mode(context: Context, mode: str, point: EquilibriumPoint) -> bool:
         return np.asarray(gradient / length if length > ON else 0.0 * gradient)
 
     field, signs = sympy.Matrix(form.at_mode(mode)), form.signs(mode)
-    h = [e.subs(context.put) for e in form.h_at_mode(mode)]
+    h = [side(e.subs(context.put), place, context.values) for e in form.h_at_mode(mode)]
     slopes = at(form.gradients(mode))
     A, G = at(form.jacobian(mode)), at(field.jacobian([form.s[i] for i in on]) if on else sympy.zeros(0, 0))
-    if not all(np.all(np.isfinite(part)) for part in (slopes, A, G)):
+    if None in h or not all(np.all(np.isfinite(part)) for part in (slopes, A, G)):
         return False
     if not np.max(np.abs(at(field))) <= ON:
         return False
-    inwards = [m * row(slopes[i]) for i, m in enumerate(signs) if m and context.vanishes(h[i], place)]
+    inwards = [m * row(slopes[i]) for i, m in enumerate(signs) if m and h[i] == 0]
     if on:
         normal = slopes[on] @ G
         if abs(np.linalg.det(normal)) < ON:

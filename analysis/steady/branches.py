@@ -291,9 +291,11 @@ class Elimination:
     def _balanced(self, equation: Expr, place: Mapping[Symbol, Any]) -> bool:
         """Whether the terms of an equation cancel at a place."""
         whole = self._number(equation.subs(place))
+        if whole is None or abs(whole) < ROUNDING:
+            return whole is not None
         terms = [self._number(e.subs(place)) for e in sympy.Add.make_args(equation)]
         sizes = [abs(e) for e in terms if e is not None]
-        return whole is not None and len(sizes) == len(terms) and abs(whole) < ROUNDING * max(1, sum(sizes))
+        return len(sizes) == len(terms) and bool(abs(whole) < ROUNDING * sum(sizes))
 
     def _number(self, expression: Expr) -> Expr | None:
         value = expression.subs(self.values).evalf(25)

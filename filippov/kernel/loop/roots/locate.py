@@ -31,6 +31,7 @@ from filippov.kernel.loop.roots.bernstein import bernstein_value, coefficient_ra
 from filippov.kernel.loop.roots.sampling import (
     CHECK_APART,
     CHECK_FIRST,
+    EPS,
     dense_value,
     guard_noise,
     guard_polynomial,
@@ -52,7 +53,6 @@ STEEP = 1e-9
 BOUND_TOLERANCE = 1e-10
 # The rounding of differences over 2e-3 of an argument, relative to that of what they differ.
 DIFFERENCED = 1e3
-EPS = 2.220446049250313e-16
 
 
 @kernel
