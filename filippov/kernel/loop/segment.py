@@ -45,8 +45,8 @@ IN_TIME = 16.0  # roundings of the terms in t that a guard may have
 
 @kernel
 def renew_state(
-    t: float, x: Vector, p: Vector, m: Vector, order: Indices, rtol: float, atol: Vector, w: Scratch,
-    iw: Integers, ctx: Indices,
+    t: float, x: Vector, p: Vector, m: Vector, order: Indices, rtol: float, atol: Vector, start: float,
+    w: Scratch, iw: Integers, ctx: Indices,
 ) -> int:  # fmt: skip
     """Field, guards and bounds of multipliers at the start of a segment; REACHED, or a code of `advance`."""
     set_mode(m, iw)
@@ -70,8 +70,9 @@ def renew_state(
     for i in range(M):
         w.touch[i] = 0.0
         if ROLE[i] != KINK and WIDTH[i] == 0.0:
-            # Of its terms in t only rounding is unknown, however long the run or far its origin.
-            w.touch[i] = IN_TIME * EPS * abs(w.gt[i] * t)
+            # Of its terms in t what the run has gone through counts, however far the origin of time is.
+            gone = min(abs(t), abs(t - start))
+            w.touch[i] = abs(w.gt[i]) * (rtol * gone + IN_TIME * EPS * abs(t))
             for a in range(G_FIRST[i], G_FIRST[i + 1]):
                 k = G_COLUMN[a]
                 w.touch[i] += (rtol * abs(x[k]) + atol[k]) * abs(w.g[i * N + k])
@@ -139,7 +140,7 @@ def open_segment(run: Trajectory) -> int:
     t = clock.t
     clock.grow = clock.grow if clock.grow > 0.0 else 10.0
     clock.trend = clock.trend if clock.trend > 0.0 else 1e-300
-    code = renew_state(t, x, p, m, order, clock.rtol, run.atol, w, run.iw, run.ctx)
+    code = renew_state(t, x, p, m, order, clock.rtol, run.atol, clock.t_start, w, run.iw, run.ctx)
     if code != REACHED:
         return code
     widen(run.zeno, w, run.iw)

@@ -327,9 +327,10 @@ def _depth(run: Run) -> tuple[float, float, float]:
     velocity = run.machine.rhs(run.t, run.x, np.where(mode == 0.0, 1.0, mode), mode)
     speed = abs(float(gt[last.index]) + run.machine.rate(last.index, g, velocity))
     scale = float(guard_terms(g, gt, run.t, run.x)[last.index])
-    # Of the terms in t only rounding is unknown, however long the run or far its origin.
+    # Of the terms in t what the run has gone through counts, however far the origin of time is.
+    gone = min(abs(run.t), abs(run.t - float(run.clock.t_start)))
     known = float(np.abs(g[last.index]) @ (run.options.rtol * np.abs(run.x) + run.atol))
-    known += IN_TIME * EPS * abs(float(gt[last.index]) * run.t)
+    known += abs(float(gt[last.index])) * (run.options.rtol * gone + IN_TIME * EPS * abs(run.t))
     if run.clock.relative == -float(last.index + 1) or impact:
         known = 0.0
     return speed, scale, FAINT * known
