@@ -16,6 +16,9 @@ from filippov.kernel.loop.resolve import CLEAR_RATE, side_rates
 from filippov.kernel.loop.state import Integers, Scratch, Trajectory
 from filippov.kernel.tables.codes import GENERAL, REACHED, SWITCHING, USER_ERROR
 
+# Relative change of the time and of the states by which the rounding of a rate is measured.
+NUDGE = 1e-6
+
 
 @kernel
 def second_rate(
@@ -57,6 +60,22 @@ def second_rate(
 
 
 @kernel
+def rate_rounding(
+    t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, iw: Integers, ctx: Indices
+) -> tuple[int, float, float]:
+    """What rounding of the time and of the states makes of h_i' at s_i = +1 and -1: (code, +, -)."""
+    y = w.xm
+    code, plus, minus, _ = side_rates(t, x, p, m, i, w, iw, ctx)
+    for j in range(N):
+        # Weights that differ: changes of states that are equal or opposite do not cancel.
+        y[j] = x[j] * (1.0 + NUDGE * (1.0 + 0.37 * (j % 5)))
+    failed, above, below, _ = side_rates(t * (1.0 + 0.83 * NUDGE), y, p, m, i, w, iw, ctx)
+    if code != 0 or failed != 0:
+        return code, 0.0, 0.0
+    return 0, 64.0 * EPS * abs(above - plus) / NUDGE, 64.0 * EPS * abs(below - minus) / NUDGE
+
+
+@kernel
 def on_one_surface(
     t: float,
     x: Vector,
@@ -70,9 +89,12 @@ def on_one_surface(
     ctx: Indices,
 ) -> int:
     """Mode on surface i alone: slide, leave, or leave along a tangency decided by the second derivative."""
+    failed, least_plus, least_minus = rate_rounding(t, x, p, m, i, w, iw, ctx)
     code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
-    if code != 0 or radii(t, x, p, w.radius, ctx) != 0:
+    if failed != 0 or code != 0 or radii(t, x, p, w.radius, ctx) != 0:
         return USER_ERROR
+    if abs(plus) <= least_plus and abs(minus) <= least_minus:
+        return GENERAL  # a two-fold
     lo, hi = w.radius[2 * i], w.radius[2 * i + 1]
     clear = CLEAR_RATE * scale
     at_hi = 0.5 * ((1.0 + hi) * plus + (1.0 - hi) * minus)

@@ -80,24 +80,53 @@ def inside(base: Mode, lam: Array, radii: Array, sliding: Sequence[int]) -> bool
     return None if undecided else True
 
 
+def unfixed(point: Point, mode: Array, alone: Sequence[int]) -> list[int]:
+    """Of sliding surfaces to which no other sliding one is coupled: those both rates of which are 0.
+
+    No equation fixes their multipliers here; those of the next moment may lie outside their sets.
+    """
+    g, gt = point.gradients(mode)
+    found = []
+    for i in [i for i in alone if not point.machine.contacts[i]]:
+        sides = [np.where(np.arange(len(mode)) == i, side, mode) for side in (1.0, -1.0)]
+        fields = [point.rhs(np.where(side == 0, 1.0, side), mode) for side in sides]
+        rates = [float(gt[i]) + point.machine.rate(i, g, velocity) for velocity in fields]
+        if max(map(abs, rates)) <= ROUNDING * max(point.terms(i, side) for side in sides):
+            found.append(i)
+    return found
+
+
 def moving_outwards(
-    point: Point, base: Mode, mode: Array, lam: Array, radii: Array, sliding: Sequence[int]
-) -> list[int]:
-    """The sliding surfaces whose multiplier stands at an end of its set and leaves it along a trial step."""
+    point: Point, base: Mode, mode: Array, lam: Array, radii: Array, sliding: Sequence[int],
+    free: Sequence[int] = (),
+) -> list[int]:  # fmt: skip
+    """The sliding surfaces whose multiplier stands at an end of its set and leaves it along a trial step.
+
+    free: those whose multiplier no rate fixes: it may stand at either end
+    """
     leaving = []
+
+    def along(i: int, side: int, both: bool) -> tuple[int, float, float] | None:
+        """The leading term of the distance to an end, and whether sliding attracts."""
+        code, _, _, rows = point.probe(point.step, mode, lam)
+        scale = float(np.max(np.abs(rows[:, :, i] if both else rows[:, side, i])))
+        terms = Terms(scale, 0.0, grain=point.grain)
+        term = leading_term(point, mode, lam, partial(_row, side, i), terms)
+        return None if code != 0 or term is None else (*term, _attraction(point, rows, i))
+
     for i in sliding:
+        if i in free:
+            up, down = along(i, 0, False), along(i, 1, False)
+            if up is None or down is None or up[1] * down[1] < 0:
+                leaving.append(i)
+            continue
         low, high = radii[i]
         near = nearness(base, i, low, high)
         for side, at_end in ((0, lam[i] > high - near), (1, lam[i] < low + near)):
-            if at_end:
-                code, _, _, rows = point.probe(point.step, mode, lam)
-                # Rows are written for sliding that attracts; one that repels has both of them negative.
-                scale = float(np.max(np.abs(rows[:, :, i])))
-                terms = Terms(scale, 0.0, grain=point.grain)
-                term = leading_term(point, mode, lam, partial(_row, side, i), terms)
-                if code != 0 or term is None or term[1] * _attraction(point, rows, i) < 0:
-                    leaving.append(i)
-                    break
+            # Rows are written for sliding that attracts; one that repels has both of them negative.
+            if at_end and ((term := along(i, side, True)) is None or term[1] * term[2] < 0):
+                leaving.append(i)
+                break
     return leaving
 
 
@@ -150,7 +179,8 @@ def clear_rates(
 def _balanced(point: Point, i: int, mode: Array, rate: float, scale: float) -> bool:
     """Whether a rate may be what is left of larger terms that cancel, those that multipliers balance too."""
     part = abs(rate) / (scale + point.reach(i, mode))
-    if part <= BALANCED or (part <= PLAIN and abs(rate) <= BALANCED * point.terms(i, mode)):
+    small = part <= PLAIN or abs(rate) <= PLAIN * BALANCED * point.largest_terms(i, mode)
+    if part <= BALANCED or (small and abs(rate) <= BALANCED * point.terms(i, mode)):
         return True
     return bool(np.any(mode == 0.0)) and abs(rate) <= ROUNDING * point.speed_terms(i, mode)
 

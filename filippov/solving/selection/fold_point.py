@@ -162,7 +162,10 @@ def _clear(point: Point, base: Mode, i: int) -> bool:
     """Whether a rate of surface i is too large for a two-fold."""
     signs = np.where(np.array(base) == 0, point.guess, base)
     rates, fields = side_rates(point, point.t, point.x, base, signs, i)
-    return bool(np.any(np.abs(rates) > CLEAR * rate_terms(point, base, i, fields)))
+    mode = np.array(base, dtype=float)
+    mode[i] = 0.0
+    terms = np.maximum(rate_terms(point, base, i, fields), point.terms(i, mode))
+    return bool(np.any(np.abs(rates) > CLEAR * terms))
 
 
 def _left(run: Run, point: Point, base: Mode, i: int, behind: bool) -> TwoFold | Way | None:

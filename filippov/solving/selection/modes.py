@@ -28,6 +28,7 @@ from filippov.solving.selection.candidate import (
     moving_outwards,
     repelling,
     sliding_solutions,
+    unfixed,
 )
 from filippov.solving.selection.corner import can_slide, choices, corners, coupling, with_signs
 from filippov.solving.state.events import Mode
@@ -210,12 +211,18 @@ def _examined(
     free = [i for i in surfaces if mode[i] != 0]
     able = [i for i in free if sliding and (can_slide(point, i) or i in point.resting)]
     found: list[Successor] = []
+    component = point.machine.component
+    count = np.bincount([component[i] for i in sliding], minlength=m)
+    alone = [i for i in sliding if count[component[i]] == 1]
+    loose = unfixed(point, mode, [i for i in own if i in alone])
     for lam, velocity in sliding_solutions(point, mode, sliding):
         held = inside(base, lam, radii, own)
         if held is False:
             continue
         left = leaves(point, mode, lam, velocity, free, tangent)
-        if left is None or (held is None and moving_outwards(point, base, mode, lam, radii, own)):
+        if left is None:
+            continue
+        if (held is None or loose) and moving_outwards(point, base, mode, lam, radii, own, loose):
             continue
         orders, margin, faint = left
         # Nothing depends on the sign of a surface on which nothing jumps and along which the solution runs. A
@@ -225,10 +232,8 @@ def _examined(
             continue
         order = [orders.get(i, 0) for i in range(m)]
         for i in own if held is None else ():
-            order[i] = 2
-        component = point.machine.component
-        count = np.bincount([component[i] for i in sliding], minlength=m)
-        for i in repelling(point, mode, [i for i in sliding if count[component[i]] == 1]):
+            order[i] = 0 if i in loose else 2
+        for i in repelling(point, mode, alone):
             order[i] = -max(order[i], 1)
         found.append(
             Successor(

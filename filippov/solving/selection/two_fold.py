@@ -29,6 +29,8 @@ EPS = float(np.finfo(float).eps)
 # Of the largest entry: what an entry or an eigenvalue of the linear flow cannot be told from 0 by.
 VANISHING = 1e-6
 # Steps in which derivatives are taken, of the time scale of the point; roundings in the terms of a rate.
+# A derivative is one where half the step gives the same, to this share of the largest.
+STEADY = 0.1
 DIFFERENCE, ROUNDINGS = 1e-5, 64.0
 NEWTON = 4
 # Opposite fields, to which a point is an equilibrium.
@@ -140,15 +142,21 @@ def two_fold(point: Point, base: Mode, i: int, span: float) -> TwoFold | None:
     step = DIFFERENCE * min(span, size / speed if speed > 0.0 else np.inf)
     if not 0.0 < step < np.inf:
         return None
-    columns = []
-    for velocity in fields:
-        ahead, _ = at(point.t + point.direction * step, point.x + step * velocity)
-        behind, _ = at(point.t - point.direction * step, point.x - step * velocity)
-        columns.append((ahead - behind) / (2.0 * step))
-    slopes = np.array(columns).T
+
+    def along(step: float) -> Array:
+        columns = []
+        for velocity in fields:
+            ahead, _ = at(point.t + point.direction * step, point.x + step * velocity)
+            behind, _ = at(point.t - point.direction * step, point.x - step * velocity)
+            columns.append((ahead - behind) / (2.0 * step))
+        return np.array(columns).T
+
+    slopes = along(step)
     scale = float(np.max(np.abs(slopes)))
     if not np.isfinite(scale) or min(abs(slopes[0, 0]), abs(slopes[1, 1])) <= VANISHING * scale:
         return None
+    if np.max(np.abs(along(0.5 * step) - slopes)) > STEADY * scale:
+        return None  # rates such as t**3 or t**5, whose difference quotients follow the step
     noise = _noise(point, base, signs, i, fields)
     later, _ = at(point.t + point.direction * step, point.x)
     still = bool(np.max(np.abs(later - rates)) <= VANISHING * scale * step)

@@ -45,6 +45,7 @@ class Point:
     fine: bool = False
     reaches: dict[tuple[int, tuple[int, ...]], float] = field(default_factory=dict, compare=False, repr=False)
     summed: dict[bytes, Array] = field(default_factory=dict, compare=False, repr=False)
+    moved: dict[bytes, Array] = field(default_factory=dict, compare=False, repr=False)
     probed: dict[tuple[float, bytes, bytes], Probe] = field(default_factory=dict, compare=False, repr=False)
 
     @property
@@ -110,6 +111,22 @@ class Point:
                     total += np.where(np.isfinite(change), change, 0.0)
             self.summed[key] = total
         return float(self.summed[key][i]) + self.reach(i, mode)
+
+    def largest_terms(self, i: int, mode: Array) -> float:
+        """About the size of the `terms` of surface i, from all states and the time moved at once."""
+        key = mode.tobytes()
+        if key not in self.moved:
+            signs = np.where(mode == 0.0, 1.0, mode)
+            parts = 1.0 + 0.37 * (np.arange(len(self.x)) % 5)  # equal or opposite states do not cancel
+            with np.errstate(invalid="ignore", over="ignore"):
+                rates = []
+                for part in (0.0, NUDGE):
+                    t, x = self.t * (1.0 + 0.83 * part), self.x * (1.0 + part * parts)
+                    g, gt = self.machine.gradients(t, x, mode)
+                    rates.append(_rates(g, self.machine.rhs(t, x, signs, mode), gt))
+                change = np.abs(rates[1] - rates[0]) / NUDGE
+            self.moved[key] = np.where(np.isfinite(change), change, 0.0)
+        return float(self.moved[key][i])
 
     def speed_terms(self, i: int, mode: Array) -> float:
         """Size of all that the field balances in the rate of surface i (see `field_terms`)."""

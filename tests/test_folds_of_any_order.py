@@ -1,0 +1,42 @@
+"""Starts where both rates vanish, each with an order of its own: what follows, in closed form.
+
+x' = a u^p for x > 0 and x' = b u^q for x < 0 from x = 0 where u = 0, u' = 1: the first power decides on either
+side (Filippov 1988, section 10), x = a u^(p + 1)/(p + 1) where it leaves upwards.
+"""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+
+from filippov import Status, Surface, System, solve, states, t
+
+DRAWS = {"nightly": 400, "ci": 16}.get(os.environ.get("FILIPPOV_PROFILE", ""), 8)
+x, u = states("x u")
+
+
+@pytest.mark.parametrize("signs", [(-1, 1), (1, 1), (-1, -1), (1, -1)], ids=["slides", "up", "down", "either"])
+def test_the_first_power_on_each_side_decides(signs: tuple[int, int]) -> None:
+    rng = np.random.default_rng([57, signs[0] + 1, signs[1] + 1])
+    for _ in range(DRAWS):
+        p, q = (int(k) for k in rng.integers(1, 7, 2))
+        a, b = (sign * round(float(rng.uniform(0.3, 3)), 2) for sign in signs)
+        start = round(float(rng.uniform(-2, 2)), 1) if rng.random() < 0.5 else 0.0
+        if rng.random() < 0.5:
+            clock = t - start
+            system = System.from_modes([Surface("s", x)], {"+": [a * clock**p], "-": [b * clock**q]}, [x])
+            got = solve(system, (0,), (start, start + 1))
+        else:
+            sides = {"+": [a * u**p, 1], "-": [b * u**q, 1]}
+            system = System.from_modes([Surface("s", x)], sides, [x, u])
+            got = solve(system, (0, 0), (start, start + 1))
+        told = f"{p}, {q}, {a}, {b} from {start}: {got}"
+        if signs == (1, -1):
+            assert got.status is Status.NON_UNIQUE, told
+            continue
+        known = {(-1, 1): 0.0, (1, 1): a / (p + 1), (-1, -1): b / (q + 1)}[signs]
+        assert got.status is Status.SUCCESS, told
+        assert got.x_end[0] == pytest.approx(known, abs=1e-9), told
+        assert got.steps < 200, told
