@@ -1,7 +1,7 @@
 """Starts where both rates vanish, each with an order of its own: what follows, in closed form.
 
-x' = a u^p for x > 0 and x' = b u^q for x < 0 from x = 0 where u = 0, u' = 1: the first power decides on either
-side (Filippov 1988, section 10), x = a u^(p + 1)/(p + 1) where it leaves upwards.
+x' = a u^p for x > 0 and x' = b u^q for x < 0 from x = 0 where u = 0, u' = 1: the first power decides on
+either side (Filippov 1988, section 10), x = a u^(p + 1)/(p + 1) where it leaves upwards.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ DRAWS = {"nightly": 400, "ci": 16}.get(os.environ.get("FILIPPOV_PROFILE", ""), 8
 x, u = states("x u")
 
 
-@pytest.mark.parametrize("signs", [(-1, 1), (1, 1), (-1, -1), (1, -1)], ids=["slides", "up", "down", "either"])
+@pytest.mark.parametrize(
+    "signs", [(-1, 1), (1, 1), (-1, -1), (1, -1)], ids=["slides", "up", "down", "either"]
+)
 def test_the_first_power_on_each_side_decides(signs: tuple[int, int]) -> None:
     rng = np.random.default_rng([57, signs[0] + 1, signs[1] + 1])
     for _ in range(DRAWS):
