@@ -102,6 +102,7 @@ def test_16_8_no_text_after_the_question_mark_is_more_than_refused(text: str) ->
 @example(100000.4140625, 0.0, 6.103515625e-05)
 @example(5e-324, None, 0.0)
 @example(5e-324, 5e-324, None)
+@example(1.6, 1.0, None)
 def test_16_8_a_slider_keeps_within_the_bounds(
     value: float, below: float | None, above: float | None
 ) -> None:

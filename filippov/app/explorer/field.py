@@ -95,9 +95,9 @@ def slider_range(parameter: Parameter, value: float) -> tuple[float, float, floa
     step = step_of(low, high)
     # The ends lie on the grid of steps, within the bounds, so that a slider shows round numbers.
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    if parameter.lower is not None and first * step < parameter.lower:
+    if parameter.lower is not None and _round(first * step) < parameter.lower:
         first += 1
-    if parameter.upper is not None and last * step > parameter.upper:
+    if parameter.upper is not None and _round(last * step) > parameter.upper:
         last -= 1
     return (_round(first * step), _round(last * step), step) if first < last else None
 
