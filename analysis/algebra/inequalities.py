@@ -138,7 +138,8 @@ def _above_zero(expression: sympy.Expr) -> Any:
         if p.degree() == 1:
             c1, c0 = p.all_coeffs()
             return x > -c0 / c1 if sign_of_number(c1) > 0 else x < -c0 / c1
-    return expression > 0
+    # The sign of what is no number has been asked for, factor by factor; sympy would ask once more.
+    return expression > 0 if expression.is_number else sympy.StrictGreaterThan(expression, 0, evaluate=False)
 
 
 def _factors(expression: sympy.Expr) -> tuple[sympy.Expr, list[tuple[sympy.Expr, int]]]:
