@@ -2,7 +2,8 @@
 
 Where the impacts on surfaces without a contact accumulate, the limit may be several states at once: each at
 rest on its surface (h = dh/dt = 0), run onto by the solution, and led by its reset to the next, the last to
-the first.
+the first. A surface that resets from both sides and lets the solution pass, as the feet of a rocking block
+do, leads to its own other side.
 The solution stays there if it has no velocity: if 0 is a convex combination of the fields at these states,
 each led to the first state by the derivatives of the resets.
 
@@ -84,12 +85,16 @@ def reset_cycle(run: Run, x: Array, first: int) -> tuple[Place, ...]:
         x = machine.reset(i, run.t, x, mode)
         if not np.all(np.isfinite(x)):
             return ()
+        if len(machine.resets_from[i]) > 1 and _passes(run, found[-1], x):
+            mode = mode.copy()
+            mode[i] = -mode[i]
         rates = rates_at(run, x, mode)
         on = [rates.on(j) for j in range(machine.m)]
         sides = np.where(rates.h >= 0.0, 1.0, -1.0)
         mode = np.where(on, mode, np.where(np.array(machine.widths) > 0.0, mode, sides))
         start = found[0].x
-        if np.all(np.abs(x - start) <= SAME * (np.abs(x) + np.abs(start)) + run.atol):
+        back = bool(np.all(np.abs(x - start) <= SAME * (np.abs(x) + np.abs(start)) + run.atol))
+        if back and not (i == found[0].surface and mode[i] == -found[0].mode[i]):
             return tuple(found) if len(found) > 1 else ()
         # The surface that was left may be run onto again: then nothing has been reached.
         ahead = [j for j in range(machine.m) if machine.resets_from[j] and on[j]]
@@ -98,6 +103,19 @@ def reset_cycle(run: Run, x: Array, first: int) -> tuple[Place, ...]:
             return ()
         i = ahead[0]
     return ()
+
+
+def _passes(run: Run, place: Place, led: Array) -> bool:
+    """Whether the reset of a surface lets through what runs slowly onto it, as a foot of a rocking block."""
+    machine, i, mode = run.machine, place.surface, place.mode
+    velocity = machine.rhs(run.t, place.x, np.where(mode == 0.0, 1.0, mode), mode)
+    step = STEP * (1.0 + float(np.max(np.abs(place.x)))) / (1e-300 + float(np.max(np.abs(velocity))))
+    moved = np.ascontiguousarray(place.x + step * velocity)
+    after, other = machine.reset(i, run.t, moved, mode), mode.copy()
+    other[i] = -mode[i]
+    before = rates_at(run, moved, mode).rate[i] - rates_at(run, place.x, mode).rate[i]
+    behind = rates_at(run, after, other).rate[i] - rates_at(run, led, other).rate[i]
+    return bool(before * behind > 0.0)
 
 
 def _at_rest(run: Run, x: Array, i: int) -> Array:
