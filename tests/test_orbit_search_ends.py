@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from filippov import SolveError, Surface, System, sign, states
+from filippov import SolveError, Surface, System, sign, solve, states
 from filippov.analysis.orbits.collocation_search import CollocationSearch
 from filippov.analysis.orbits.orbit_search import find_orbit
+from filippov.analysis.orbits.search_start import rests
 
 x, v = states("x v")
 
@@ -43,3 +44,15 @@ def test_a_fast_orbit_is_found_from_a_slow_start(rate):
     orbit = find_orbit(system, (0, belt))
     assert abs(orbit.period / period - 1) < 1e-9
     assert orbit.stable
+
+
+def test_rest_is_seen_whatever_the_rounding_of_the_last_segments_ends():
+    """x' = -sign(x) is at 0 from t = x0 on; x0 + (T - x0) may be the number after T."""
+    system, rng, beyond = System({x: -sign(x)}), np.random.default_rng(2), 0
+    for _ in range(60):
+        start = rng.uniform(0.1, 10)
+        run = solve(system, (start,), (0, start * rng.uniform(1.2, 9)))
+        last = run.segments[-1]
+        beyond += last.t0 + last.dwell > run.t_end
+        assert rests(run)
+    assert beyond

@@ -64,7 +64,8 @@ def rests(solution: Solution) -> bool:
         return False
     # Not at equal distances: what comes back after each of them would seem to rest.
     t = last.t0 + last.dwell * (0.5 + 0.5 * np.append(np.modf(_GOLDEN * np.arange(9))[0], 1.0))
-    x = sol(t)
+    # The last one may lie beyond the end by rounding.
+    x = sol(np.clip(t, last.t0, last.t1))
     return bool(np.max(np.ptp(x, axis=1)) <= 1e-12 * (1.0 + np.max(np.abs(x))))
 
 
