@@ -18,6 +18,7 @@ from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem, is_kink
 from filippov.analysis.bifurcations.special_points import confirmed, name_of_change
 from filippov.analysis.orbits.shooting import NoConvergenceError
+from filippov.base.status import EventKind
 
 Array = npt.NDArray[np.float64]
 _BISECTIONS = 44
@@ -184,7 +185,10 @@ class Crossings:
         return None
 
     def blocked(self, a: Along) -> tuple[str, str]:
-        """Name of what stops a branch of orbits: grazing, where its derivative has no bound."""
+        """Name of what stops a branch of orbits: grazing, where its derivative has no bound.
+
+        A surface that is reached with hardly any speed, and slid on, is at the fold at which sliding ends.
+        """
         problem = a.corrector.problem
         if not isinstance(problem, OrbitProblem):
             return "", ""
@@ -197,7 +201,9 @@ class Crossings:
         if edge.distance < 1e-3 * size:
             return "C-bifurcation", f"surface {edge.surface!r} passed at a distance of {edge.distance:.3g}"
         if edge.transversality < 1e-2:
-            return "C-bifurcation", f"an event reached with relative speed {edge.transversality:.3g}"
+            event = min(orbit.events, key=lambda e: abs(e.t - edge.transversal_t))
+            name = "grazing-sliding" if event.kind == EventKind.ENTRY else "C-bifurcation"
+            return name, f"an event reached with relative speed {edge.transversality:.3g}"
         return "", ""
 
     def marked(self, a: Along, name: str, note: str) -> BranchPoint:
