@@ -52,6 +52,12 @@ Array = npt.NDArray[np.float64]
 # Distance from the saddle at which the orbit is cut, in units of its size; the factor from one distance to
 # the next, far from the saddle and near to it, where its linear part says enough; points of the way there.
 _CUT, _NEARER, _SMALL, _TAIL = 1e-4, (0.4, 0.1), 0.03, 16
+# The size that is taken first may be this many times that of the orbit; without a return smaller ones are
+# tried, by this factor, down to the least. Time constants of the saddle in which the solution is to return,
+# and the factor by which more are tried. The absolute tolerance is at most this part of the relative one.
+_LARGER, _SMALLER, _LEAST, _LONG, _LONGER, _ABSOLUTE = 2.0, 1e-2, 1e-12, 200.0, 10.0, 1e-2
+# Below this the distance of the saddle from 0 is no size: Newton's method leaves 1e-14.
+_PLACED = 1e-8
 # What the exact solutions between points of the orbit may miss, in units of its size.
 _ROUNDING = 1e-12
 _MISSED, _POINTS = 1e-7, 48
@@ -111,7 +117,7 @@ def find_homoclinic(
     parameters: Mapping[str, float] | None = None,
     mode: str | Sequence[int] | None = None,
     side: int = 0,
-    t_max: Positive = 200.0,
+    t_max: Positive | None = None,
     rtol: Positive = 1e-11,
     atol: NonNegative = 1e-13,
     jacobian: Any = None,
@@ -124,7 +130,8 @@ def find_homoclinic(
                 pseudo-saddle slides on
     side        +1 or -1: along which sense of the unstable direction the orbit leaves, its largest entry
                 taken positive; 0: the one that comes back nearer
-    t_max       longest time in which the solution is to come back near to the saddle
+    t_max       longest time in which the solution is to come back near to the saddle; default: 200 times its
+                longest time constant, and ten times as long where it does not come back
 
     Raises ReturnError where the solution does not come back, NoConvergenceError, WordError (not admissible),
     UsageError. Autonomous systems; saddles with one unstable direction.
@@ -177,26 +184,48 @@ class _Search:
             zeno="continue", nonunique="stick",
         )  # fmt: skip
 
-    def returns(self, side: int, t_max: float) -> list[tuple[float, list[Arc]]]:
+    def returns(self, side: int, t_max: float | None) -> list[tuple[float, list[Arc]]]:
         """(way, arcs from the saddle to where the solution is nearest to it again), the best first."""
         saddle, found = self.saddle, []
         self.leaving = saddle.unstable
-        for way in (1.0, -1.0) if side == 0 else (float(side),):
-            on = tuple(i for i, sign in enumerate(saddle.mode) if sign == 0)
-            size = float(np.max(np.abs(saddle.x))) + 1.0
-            out = saddle.x + way * _CUT * size * saddle.unstable
-            start = onto_surfaces(self.system, out, 0.0, self.p, on)
-            solution = self.solution(self.p, start, t_max)
-            arcs = arcs_of([solution])
-            best = self._nearest(arcs)
-            if best is not None:
-                found.append((best[0], way, best[1]))
-        if not found:
+        constant = 1.0 / float(np.min(np.abs(saddle.eigenvalues.real)))
+        spans = (_LONG * constant, _LONGER * _LONG * constant) if t_max is None else (t_max,)
+        for span in spans:
+            for way in (1.0, -1.0) if side == 0 else (float(side),):
+                best = self._back(way, span)
+                if best is not None:
+                    found.append((best[0], way, best[1]))
+            if found:
+                break
+        else:
             raise ReturnError(
                 f"the solution from the saddle {saddle.x.tolist()} does not come back near to it within "
-                f"t_max = {t_max:g}. Give parameters nearer to those of a homoclinic orbit.", None, t_max,
+                f"t_max = {spans[-1]:g}. Give parameters nearer to those of a homoclinic orbit, or a t_max.",
+                None, spans[-1],
             )  # fmt: skip
         return [(way, arcs) for _, way, arcs in sorted(found, key=lambda item: item[0])]
+
+    def _back(self, way: float, t_max: float) -> tuple[float, list[Arc]] | None:
+        """What `_nearest` finds on the solution that leaves in one sense, from a distance that is small
+        beside the way that it takes."""
+        saddle = self.saddle
+        on = tuple(i for i, sign in enumerate(saddle.mode) if sign == 0)
+        size = float(np.max(np.abs(saddle.x)))
+        if size < _PLACED:
+            size += 1.0
+        while True:
+            out = saddle.x + way * _CUT * size * saddle.unstable
+            start = onto_surfaces(self.system, out, 0.0, self.p, on)
+            best = self._nearest(arcs_of([self.solution(self.p, start, t_max)]))
+            larger = 1.0 / _SMALLER
+            if best is not None:
+                extent = np.ptp(np.vstack([arc.x for arc in best[1]]), axis=0)
+                least = np.finfo(float).eps * float(np.max(extent))
+                larger = size * float(np.max(np.abs(saddle.unstable) / np.maximum(extent, least)))
+            if larger <= _LARGER or size < _LEAST:
+                return best
+            size /= larger
+            self.atol = min(self.atol, _ABSOLUTE * self.rtol * size)
 
     def _nearest(self, arcs: list[Arc]) -> tuple[float, list[Arc]] | None:
         """The share of the way out at which the solution is nearest to the saddle after its first turn."""
@@ -282,7 +311,7 @@ class _Search:
         def boundary(x0: Array, x1: Array, t: float, p: Array) -> Boundary:
             saddle = self.saddle_at(p)
             second = saddle.normals if lands else towards[None, :] / end
-            reach = 1e-6 * max(abs(float(p[self.place])), 1e-2)
+            reach = 1e-6 * (max(abs(float(p[self.place])), abs(float(self.p[self.place]))) or 1e-2)
             moved = []
             for by in (reach, -reach):
                 q = p.copy()
