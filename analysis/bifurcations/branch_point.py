@@ -72,10 +72,15 @@ def locate(equations: Callable[[Array], tuple[Array, Array]], z: Array) -> Array
     raise NoConvergenceError("no branch point was found.")
 
 
-class BranchPointCurve:
-    """Branch points over a second parameter; unknowns (u, value, b, e)."""
+def apart(value: float, width: float) -> float:
+    """How far neighbours are in a parameter whose bounds have a width: for differences."""
+    return _REACH * min(max(abs(value), 1e-2), width)
 
-    kind = "branch point curve"
+
+class BranchPointCurve:
+    """Branch points over a second parameter; unknowns (u, value, b, e). wide: the width of its bounds."""
+
+    kind, wide = "branch point curve", float("inf")
 
     def __init__(self, inner: Any, parameter: str, u: Array, value: float, at: float, width: float) -> None:
         self.inner, self.parameter = inner, parameter
@@ -99,7 +104,7 @@ class BranchPointCurve:
         """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""
         w = u / self.scale
         residual, matrix = extended(self._equations(value), w)
-        reach = _REACH * max(abs(value), 1e-2)
+        reach = apart(value, self.wide)
         sides = [self._value(w, value + side * reach) for side in (1.0, -1.0)]
         return residual, np.column_stack((matrix / self.scale, (sides[0] - sides[1]) / (2 * reach)))
 

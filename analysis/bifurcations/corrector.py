@@ -111,7 +111,7 @@ class Corrector:
         if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(matrix)):
             raise NoConvergenceError("the equations are not finite.")
         matrix = matrix * self.sizes
-        if self.problem.kind == "equilibrium":
+        if self.problem.kind == "equilibrium" or getattr(self.problem, "of_units", False):
             if self._rows is None:
                 largest = np.max(np.abs(matrix), axis=1)
                 self._rows = np.where(largest > 0.0, largest, 1.0)
@@ -127,7 +127,8 @@ class Corrector:
         residual = getattr(self.problem, "residual", None)
         if residual is None or self._last is None or not np.linalg.norm(z - self._last[0]) < _CLOSE:
             return None
-        left = np.append(residual(*self.plain(z)), normal @ (z - guess))
+        rows = 1.0 if self._rows is None else self._rows
+        left = np.append(residual(*self.plain(z)) / rows, normal @ (z - guess))
         if not np.max(np.abs(left)) < _NOISE:
             return None
         change = linalg.solve(np.vstack([self._last[1], normal]), -left)
@@ -135,7 +136,7 @@ class Corrector:
             return None
         found = np.asarray(z + change)
         # Next to a grazing orbit the matrix varies like a square root.
-        return found if np.max(np.abs(residual(*self.plain(found)))) < _TOLERANCE else None
+        return found if np.max(np.abs(residual(*self.plain(found)) / rows)) < _TOLERANCE else None
 
     def correct(self, guess: Array, normal: Array) -> tuple[Array, int]:
         """The solution in the plane through the guess across `normal`, and the number of iterations."""

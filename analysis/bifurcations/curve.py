@@ -21,7 +21,7 @@ import numpy.typing as npt
 from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.border_normal_form import grazed_surface
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
-from filippov.analysis.bifurcations.branch_point import BranchPointCurve
+from filippov.analysis.bifurcations.branch_point import BranchPointCurve, apart
 from filippov.analysis.bifurcations.branch_problem import MapProblem, OrbitProblem
 from filippov.analysis.bifurcations.codim2 import border_tests, critical_pair, orbit_multipliers, smooth_tests
 from filippov.analysis.bifurcations.continuation import Continuation
@@ -93,6 +93,7 @@ def curve(
         made = BranchPointCurve(problem, parameter, u, special.value, at, run.width)
     else:
         made = CurveProblem(problem, kind, parameter, u, special.value, at, run.width, grazed)
+    made.wide = float(bounds[1]) - float(bounds[0])
     others = {name: number for name, number in run.branch.parameters.items() if name != parameter}
     branch = Branch(parameter, f"{kind} curve", others)
     out = Continuation(made, at, (float(bounds[0]), float(bounds[1])), branch, direction, step)
@@ -115,9 +116,10 @@ class CurveProblem:
 
     straight   a curve whose direction changes by less than this per length is straight, to the accuracy of
                its tangents
+    wide       the width of the bounds of the second parameter
     """
 
-    straight = 1e-3
+    straight, wide = 1e-3, float("inf")
 
     def __init__(
         self, inner: Any, test: str, parameter: str, u: Array, value: float, at: float, width: float,
@@ -145,6 +147,11 @@ class CurveProblem:
             self.inner, u = self._inner(at).phased(u, value, contact.t)
             self.start = np.append(u, value)
             self.contact = self._nearest(self.inner, u, value, avoid)
+
+    @property
+    def of_units(self) -> bool:
+        """Whether the equations have the units of the states and of the time."""
+        return isinstance(self.inner, EquilibriumProblem)
 
     def _inner(self, second: float) -> Any:
         return self.inner.with_parameter(self.parameter, second)
@@ -263,7 +270,7 @@ class CurveProblem:
         m = len(here) - 1
         out = np.zeros((m + 1, m + 2))
         out[:m, : m + 1] = matrix
-        reaches = _REACH * np.append(self.scale, max(abs(z[-1]), 1e-2))
+        reaches = np.append(_REACH * self.scale, apart(z[-1], self.wide))
         for j, reach in enumerate(reaches):
             step = reach * np.eye(m + 2)[j]
             one, other = (self._left(z + side * step)[0] if side else here for side in sides)
@@ -311,6 +318,8 @@ class CurveProblem:
     def ending(self, u: Array, value: float, bounds: tuple[float, float]) -> BranchPoint | None:
         """The end of a fold curve of a map whose cycle shrinks into the equilibrium set; None before that."""
         inner = self.inner
-        if not isinstance(inner, MapProblem) or not inner.rests or np.exp(u[0]) > _SMALLEST:
+        if not isinstance(inner, MapProblem) or not inner.rests:
+            return None
+        if u[0] > inner.start[0] + np.log(_SMALLEST):
             return None
         return replace(self.point(u, value), special="cycle shrinks into the equilibrium set")

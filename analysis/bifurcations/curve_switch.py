@@ -96,6 +96,7 @@ def switch_curve(
     made = CurveProblem(inner, kind, old.parameter, u, value, at, old.scale[-1], grazed, avoid)
     branch = Branch(old.parameter, f"{kind} curve", dict(run.branch.parameters))
     low, high = run.bounds if bounds is None else bounds
+    made.wide = float(high) - float(low)
     out = Continuation(made, at, (float(low), float(high)), branch, direction, step)
     out.min_step, out.max_step, out.max_points, out.max_time = min_step, max_step, max_points, max_time
     out.prepare()
