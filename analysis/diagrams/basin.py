@@ -114,10 +114,13 @@ def basin(
             f"the axes are {x[0]!r} and {y[0]!r}, held are {', '.join(others) or 'none'}: expected two "
             "states, and others in `at`."
         )
-    event_map = EventMap(system, section, parameters=parameters, order=order)
+    # The interval tells the unit of length.
+    unit = min(1.0, max(abs(interval[0]), abs(interval[1]))) or 1.0
+    event_map = EventMap(system, section, parameters=parameters, order=order, atol=1e-12 * unit)
     place, surface = event_map.bound.index, event_map.bound.surface
     pieces = event_map.basins(*interval, points)
-    cycle_of = {p.attractor: _largest(event_map, p.attractor) for p in pieces if p.attractor is not None}
+    found_at = [p.attractor for p in pieces if p.attractor is not None]
+    cycle_of = {d: _largest(event_map, d, pieces) for d in found_at}
     attractors = tuple(dict.fromkeys(cycle_of.values()))
     across, up = np.asarray(x[1], dtype=float), np.asarray(y[1], dtype=float)
     states = np.zeros((up.size * across.size, system.dimension))
@@ -129,7 +132,7 @@ def basin(
     label = np.full(len(states), UNKNOWN)
     complete = True
     if engine is not None:
-        d, rest_at, complete = _by_engine(event_map, states, rtol, engine, progress)
+        d, rest_at, complete = _by_engine(event_map, states, rtol, unit, engine, progress)
         known = ~np.isnan(rest_at)
         label[known] = _labels(d[known], rest_at[known] == 1, pieces, cycle_of, attractors)
     try:
@@ -137,7 +140,7 @@ def basin(
             part = slice(first, first + CHUNK)
             ends = solve_many(
                 system, states[part], (0.0, section.t_max), stop=section.stop,
-                parameters=event_map.parameters, rtol=rtol, atol=1e-3 * rtol, max_steps=MOST_STEPS,
+                parameters=event_map.parameters, rtol=rtol, atol=1e-3 * rtol * unit, max_steps=MOST_STEPS,
                 threads=threads,
             )  # fmt: skip
             back = np.array([status is Status.STOPPED for status in ends.status])
@@ -158,7 +161,7 @@ def basin(
 
 
 def _by_engine(
-    event_map: EventMap, states: Array, rtol: float, engine: Mapping[str, Any],
+    event_map: EventMap, states: Array, rtol: float, unit: float, engine: Mapping[str, Any],
     progress: Callable[[int, int], None] | None,
 ) -> tuple[Array, Array, bool]:
     """Coordinates of first events, whether the solution rests there (NaN: not computed), and completeness."""
@@ -167,7 +170,7 @@ def _by_engine(
     measure = (f"end({section.coordinate})", f"mode({section.surface})")
     sweep = Sweep(
         problem, {f"x0.{name}": states[:, k] for k, name in enumerate(system.states)}, "list",
-        measure=measure, stop=section.stop, rtol=rtol, atol=1e-3 * rtol, max_steps=MOST_STEPS,
+        measure=measure, stop=section.stop, rtol=rtol, atol=1e-3 * rtol * unit, max_steps=MOST_STEPS,
     )  # fmt: skip
     table = sweep.run(**engine, progress=progress)
     status = np.array(table.status)
@@ -176,9 +179,15 @@ def _by_engine(
     return d, rest, table.complete
 
 
-def _largest(event_map: EventMap, d: float) -> float:
-    """The largest coordinate of the cycle that a fixed point of the iterate belongs to, to 9 digits."""
-    points = [d] if d == 0.0 else event_map.remake(order=1).iterate(d, event_map.order - 1).tolist()
+def _largest(event_map: EventMap, d: float, pieces: Sequence[Any]) -> float:
+    """The largest coordinate of the cycle that a fixed point of the iterate belongs to, to 9 digits.
+
+    Its other points are fixed points too: those to whose basins its images belong.
+    """
+    points = [d]
+    for image in [] if d == 0.0 else event_map.remake(order=1).iterate(d, event_map.order - 1).tolist()[1:]:
+        known = [q.attractor for q in pieces if q.lo <= image <= q.hi and q.attractor is not None]
+        points.append(known[0] if known else image)
     return float(f"{max(points):.9g}")
 
 
