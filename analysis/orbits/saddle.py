@@ -170,7 +170,7 @@ def saddle(
     """The saddle near a state, by Newton's method in its mode.
 
     near   a state, in order or by name; mode: such as "+0"; default: the signs of h there, 0 where |h| is
-           below 1e-6 of the state's size
+           below 1e-6 or 1e-6 of the state's size, of which the one with the equilibrium nearest to the state
 
     Raises SolveError where there is no equilibrium in this mode near the state, UsageError where it is no
     saddle or the system depends on time.
@@ -178,8 +178,7 @@ def saddle(
     if is_forced(system):
         raise UsageError("the system depends on time and has no saddles; give an orbit (find_orbit).")
     p, x = resolved(system, parameters), check_state(near, system)
-    found = find_saddle(system, _signs(system, x, p) if mode is None else given_mode(system, mode), x, p)
-    _check_mode(found, p)
+    found = _nearest(system, x, p) if mode is None else _in_mode(system, given_mode(system, mode), x, p)
     listed = f"{_at(found.x)} has eigenvalues {_listed(found.eigenvalues)}"
     if found.undecided:
         raise UsageError(f"the equilibrium {listed}: one of them does not decide.")
@@ -216,9 +215,33 @@ def given_mode(system: System, mode: str | Sequence[int]) -> Mode:
     return signs
 
 
-def _signs(system: System, x: Array, p: Array) -> Mode:
+def _in_mode(system: System, mode: Mode, x: Array, p: Array) -> Saddle:
+    found = find_saddle(system, mode, x, p)
+    _check_mode(found, p)
+    return found
+
+
+def _nearest(system: System, x: Array, p: Array) -> Saddle:
+    """The equilibrium nearest to x of the modes it may be in: beside a surface, or on it but for an error.
+
+    Which of them is not told by a distance: it has a unit.
+    """
+    size = float(np.max(np.abs(x)))
+    modes = dict.fromkeys(_signs(system, x, p, EDGE * reach) for reach in (1.0 + size, size))
+    found, errors = [], []
+    for mode in modes:
+        try:
+            found.append(_in_mode(system, mode, x, p))
+        except SolveError as error:
+            errors.append(error)
+    if not found:
+        raise errors[-1]
+    return min(found, key=lambda one: (one.undecided, float(np.linalg.norm(one.x - x))))
+
+
+def _signs(system: System, x: Array, p: Array, size: float) -> Mode:
+    """The signs of h, 0 for surfaces on which the field jumps and whose |h| is at most this size."""
     h = signs_at(system, np.zeros(1), x[None, :], p)[0][0]
-    size = EDGE * (1.0 + float(np.max(np.abs(x))))
     jumps = [surface.kind == "switching" for surface in system.surfaces]
     return tuple(
         0 if abs(v) <= size and jump else (1 if v >= 0 else -1) for v, jump in zip(h, jumps, strict=True)
