@@ -99,15 +99,15 @@ def test_12_13_points_on_curves_of_equilibria_in_any_units(check: Callable[..., 
     check(Units(seed + 1))
 
 
-@pytest.mark.parametrize("unit", [1e-6, 1e6])
-def test_12_13_points_on_a_fold_curve_of_orbits_in_any_units_of_the_parameters(unit: float) -> None:
+@pytest.mark.parametrize(("unit", "length"), [(1e-6, 1.0), (1e6, 1.0), (1.0, 1e-6)])
+def test_12_13_points_on_a_fold_curve_of_orbits_in_any_units(unit: float, length: float) -> None:
     # (x, y) -> (y, a - b x - y^2): folds a = -(1 + b)^2/4, of which the other multiplier is b.
     units, p = Units(0), parameters(a=0.3 * unit, b=0.3 * unit)
     units.a = units.b = unit
-    jump = {x: y, y: p.a / unit - p.b / unit * x - y**2, z: 0 * z}
+    jump = {x: y, y: length * p.a / unit - p.b / unit * x - y**2 / length, z: 0 * z}
     tick = Surface("tick", z - 1, reset=jump, side="-")
     system = System({x: 0 * x, y: 0 * y, z: 1 + 0 * z}, surfaces=[tick])
-    at = (-1.3 + sqrt(1.3**2 + 1.2)) / 2
+    at = length * (-1.3 + sqrt(1.3**2 + 1.2)) / 2
     orbit = find_orbit(system, (at, at, 0.3), period=1.0)
     run = continuation(
         system, orbit, parameter="a", bounds=(-0.6 * unit, 0.3 * unit), direction=-1, **FAR

@@ -228,9 +228,9 @@ class OrbitProblem:
         self.index = orbit.system.parameters.index(parameter)
         self.start = orbit.unknowns
         size = np.maximum(orbit.high - orbit.low, 1e-9)
-        # A state that is constant along the orbit may vary along the branch.
-        still = size < 1e-6 * np.max(size)
-        size[still] = np.maximum(np.abs(orbit.high), np.max(size))[still]
+        # A state that is constant along the orbit may vary along the branch: in its own unit, where it tells.
+        still, place = size < 1e-6 * np.max(size), np.abs(orbit.high)
+        size[still] = np.where(place > 1e-9 * np.max(size), place, np.max(size))[still]
         if np.max(orbit.high - orbit.low) <= _HELD * np.max(np.abs(orbit.high)):
             # Nothing moves but at the instants of a clock, or nothing at all.
             size = np.where(orbit.high == 0.0, np.max(np.abs(orbit.high)) or 1.0, np.abs(orbit.high))
