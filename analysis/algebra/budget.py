@@ -1,7 +1,8 @@
 """Work and size that a symbolic computation may take, counted in calls, so that no clock decides a result.
 
-Inside a function that is `counted` every call of a Python function is counted by the interpreter's trace
-hook. A budget is in millions of calls, of which sympy makes about one a second.
+Inside a function that is `counted` every call of a Python function is counted, in machine code where that can
+be (`filippov.analysis.algebra.call_counter`), else by the interpreter's trace hook, which also ends what is
+beyond its limit. A budget is in millions of calls, of which sympy makes about two a second.
 """
 
 from __future__ import annotations
@@ -9,10 +10,13 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable
-from functools import wraps
+from functools import cache, wraps
 from inspect import CO_GENERATOR
 from types import FrameType
 from typing import Any, ParamSpec, TypeVar
+
+from filippov.analysis.algebra.call_counter import CALLS as DONE
+from filippov.analysis.algebra.call_counter import LIMIT, NEVER, CallCounter, call_counter, cells
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -35,10 +39,29 @@ class _StoppedError(BaseException):
 class _Count:
     """Calls of a thread so far, the count at which a computation is stopped, and how deep counting is."""
 
-    __slots__ = ("calls", "depth", "limit")
+    __slots__ = ("cells", "counter", "depth")
 
     def __init__(self) -> None:
-        self.calls, self.limit, self.depth = 0, float("inf"), 0
+        self.cells, self.depth = cells(), 0
+        self.counter: CallCounter | None = None
+
+    @property
+    def calls(self) -> int:
+        return int(self.cells[DONE])
+
+    @calls.setter
+    def calls(self, value: int) -> None:
+        self.cells[DONE] = value
+
+    @property
+    def limit(self) -> int:
+        return int(self.cells[LIMIT])
+
+    @limit.setter
+    def limit(self, value: float) -> None:
+        self.cells[LIMIT] = int(min(value, NEVER))
+        if self.counter is not None:
+            self.counter.again()
 
 
 class _Counts(threading.local):
@@ -51,6 +74,11 @@ class _Counts(threading.local):
 _counts = _Counts()
 
 
+@cache
+def _counter() -> CallCounter | None:
+    return call_counter()
+
+
 def counted(function: Callable[P, T]) -> Callable[P, T]:
     """The function with its calls counted while it runs. A trace hook that is there goes on working."""
 
@@ -59,22 +87,31 @@ def counted(function: Callable[P, T]) -> Callable[P, T]:
         count = _counts.own
         if count.depth:
             return function(*args, **kwargs)
-        before = sys.gettrace()
+        before, counter = sys.gettrace(), _counter()
         count.depth = 1
-        sys.settrace(_hook(count, before))
+        hook = _hook(count, before)
+        if counter is not None and before is None and counter.start(count.cells, lambda: sys.settrace(hook)):
+            count.counter = counter
+        else:
+            sys.settrace(hook)
         try:
             return function(*args, **kwargs)
         finally:
             sys.settrace(before)
+            if count.counter is not None:
+                count.counter.stop()
+                count.counter = None
             count.depth = 0
 
     return run
 
 
 def _hook(count: _Count, before: Any) -> Callable[[FrameType, str, Any], Any]:
+    own = count.cells
+
     def hook(frame: FrameType, event: str, arg: Any) -> Any:
-        count.calls += 1
-        if count.calls > count.limit and not _held(frame):
+        own[DONE] += 1
+        if own[DONE] > own[LIMIT] and not _held(frame):
             raise _StoppedError
         return None if before is None else before(frame, event, arg)
 
@@ -82,9 +119,15 @@ def _hook(count: _Count, before: Any) -> Callable[[FrameType, str, Any], Any]:
 
 
 def _held(frame: FrameType) -> bool:
-    """Whether an exception would be lost here, as where a generator is closed; what it calls is stopped."""
-    code = frame.f_code
-    return bool(code.co_flags & CO_GENERATOR) or code.co_name in _CALLBACKS
+    """Whether an exception would be lost here: where a generator is closed, and below a callback."""
+    if frame.f_code.co_flags & CO_GENERATOR:
+        return True
+    at: FrameType | None = frame
+    while at is not None:
+        if at.f_code.co_name in _CALLBACKS:
+            return True
+        at = at.f_back
+    return False
 
 
 class Clock:

@@ -112,3 +112,13 @@ def load_objects(*codes: bytes) -> binding.ExecutionEngine:
         engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return engine
+
+
+def load_module(text: str) -> binding.ExecutionEngine:
+    """An engine with the functions of LLVM IR as it stands; it owns their memory: keep it."""
+    machine = target_machine()
+    module = binding.parse_assembly(text)
+    module.triple = machine.triple
+    engine = binding.create_mcjit_compiler(module, machine)
+    engine.finalize_object()
+    return engine
