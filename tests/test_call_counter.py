@@ -13,6 +13,7 @@ import pytest
 from filippov.analysis.algebra import budget
 from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
 
+
 def called(n: int) -> int:
     return n
 
