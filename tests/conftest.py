@@ -1,4 +1,4 @@
-"""Profiles of the property tests by FILIPPOV_PROFILE: "ci" as in .ci/run, "nightly" for many more."""
+"""Profiles of the property tests by FILIPPOV_PROFILE: "ci" for more examples, "nightly" for many more."""
 
 import gc
 import os

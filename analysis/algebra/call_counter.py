@@ -92,8 +92,9 @@ def _written(control: int, told: int, evaluate: int) -> str:
     evaluated = ir.FunctionType(pointer, (pointer, pointer, whole))
     function = ir.Function(module, evaluated, "counting")
     thread, frame, thrown = function.args
-    entry, counts, asks, tells, drops, goes_on = map(
-        function.append_basic_block, ("entry", "counts", "asks", "tells", "drops", "goes_on")
+    entry, counts, asks, tells, drops, interrupted, goes_on = map(
+        function.append_basic_block,
+        ("entry", "counts", "asks", "tells", "drops", "interrupted", "goes_on"),
     )
 
     b = ir.IRBuilder(entry)
@@ -120,9 +121,14 @@ def _written(control: int, told: int, evaluate: int) -> str:
     b.store(b.add(calls, ir.Constant(word, _AGAIN)), constant(control + 8 * _NEXT, word))
     handler = b.inttoptr(ir.Constant(word, told), pointer)
     result = b.call(of_python("PyObject_CallNoArgs", ir.FunctionType(pointer, (pointer,))), [handler])
-    b.cbranch(b.icmp_unsigned("==", b.ptrtoint(result, word), ir.Constant(word, 0)), goes_on, drops)
+    b.cbranch(b.icmp_unsigned("==", b.ptrtoint(result, word), ir.Constant(word, 0)), interrupted, drops)
     b.position_at_end(drops)
     b.call(of_python("Py_DecRef", ir.FunctionType(ir.VoidType(), (pointer,))), [result])
+    b.branch(goes_on)
+    b.position_at_end(interrupted)
+    # The handler raises nothing of its own: an interrupt that came in it comes once more, in Python.
+    for name in ("PyErr_Clear", "PyErr_SetInterrupt"):
+        b.call(of_python(name, ir.FunctionType(ir.VoidType(), ())), [])
     b.branch(goes_on)
     b.position_at_end(goes_on)
     b.ret(b.call(constant(evaluate, evaluated), [thread, frame, thrown], tail=True))
