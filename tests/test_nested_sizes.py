@@ -60,7 +60,8 @@ def test_the_mode_at_the_start_is_that_of_the_state(depth: int) -> None:
             # Where the terms of a surface cancel it is 0 to their rounding; others show how large they are.
             rounding = 1e-15 * max(1.0, *map(abs, written), *map(abs, h[0]))
             assert h[0] == pytest.approx(written, rel=1e-12, abs=1e-12 + rounding)
-            assert _signs(system, start, given) == tuple(signs[0])
+            near = 1e-9 * (1.0 + float(np.max(np.abs(start))))
+            assert _signs(system, start, given, near) == tuple(signs[0])
         ends = solve_many(system, [start] * 3, (0, span))
         assert np.allclose((ends.x - start) / span, rate, atol=1e-4)
 

@@ -14,6 +14,7 @@ from filippov.analysis.local_stability.certificates.cones import cones
 from filippov.analysis.local_stability.certificates.energy import energy
 from filippov.analysis.local_stability.certificates.even_terms import even_terms
 from filippov.analysis.local_stability.certificates.feedbacks import feedbacks
+from filippov.analysis.local_stability.certificates.half_returns import half_returns
 from filippov.analysis.local_stability.certificates.held_sets import held_sets
 from filippov.analysis.local_stability.certificates.impacts import locally
 from filippov.analysis.local_stability.certificates.line import line
@@ -33,7 +34,7 @@ from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.forcing import depends_on_time
 
 POINTS: Sequence[Callable[[Local], Certificate | None]] = (
-    line, planar, energy, even_terms, centre, relay_order, relays, cones, quadratic, resets,
+    line, planar, half_returns, energy, even_terms, centre, relay_order, relays, cones, quadratic, resets,
 )  # fmt: skip
 
 

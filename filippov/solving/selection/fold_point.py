@@ -164,7 +164,7 @@ def _clear(point: Point, base: Mode, i: int) -> bool:
     rates, fields = side_rates(point, point.t, point.x, base, signs, i)
     mode = np.array(base, dtype=float)
     mode[i] = 0.0
-    terms = np.maximum(rate_terms(point, base, i, fields), point.terms(i, mode))
+    terms = np.maximum(rate_terms(point, base, i, fields), point.largest_terms(i, mode))
     return bool(np.any(np.abs(rates) > CLEAR * terms))
 
 
