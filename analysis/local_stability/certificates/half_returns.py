@@ -35,8 +35,10 @@ def half_returns(found: Local) -> Certificate | None:
         f"where {found.names[0]} > 0 half a turn leads from u to -u + k u**2 with k = {halves}",
         f"a turn leads from u to u + ({change}) u**2, with u' = {up} at the point where {found.names[0]} > 0",
     )
-    answer, word = ("asymptotically stable", "shorten") if inwards else ("unstable", "lengthen")
-    return Certificate(answer, f"two invisible folds meet, and turns {word}", SOURCE, checked)
+    head = "two invisible folds meet, and turns"
+    if inwards:
+        return Certificate("asymptotically stable", f"{head} shorten", SOURCE, checked)
+    return Certificate("unstable", f"{head} lengthen", SOURCE, checked)
 
 
 def _half_return(found: Local, sign: int) -> tuple[Expr, Expr] | None:
