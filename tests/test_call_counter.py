@@ -48,6 +48,7 @@ PROGRAMS: dict[str, Any] = {
     "calls": lambda: work(1000),
     "recursion": lambda: nested(200),
     "generators": lambda: sum(yields(300)),
+    "closed generators": lambda: [next(yields(3)) for _ in range(100)],
     "exceptions": lambda: sum(caught(k) for k in range(50)),
 }
 

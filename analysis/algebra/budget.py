@@ -45,21 +45,8 @@ class _Count:
         self.cells, self.depth = cells(), 0
         self.counter: CallCounter | None = None
 
-    @property
-    def calls(self) -> int:
-        return int(self.cells[DONE])
-
-    @calls.setter
-    def calls(self, value: int) -> None:
-        self.cells[DONE] = value
-
-    @property
-    def limit(self) -> int:
-        return int(self.cells[LIMIT])
-
-    @limit.setter
-    def limit(self, value: float) -> None:
-        self.cells[LIMIT] = int(min(value, NEVER))
+    def stop_at(self, limit: float) -> None:
+        self.cells[LIMIT] = int(min(limit, NEVER))
         if self.counter is not None:
             self.counter.again()
 
@@ -137,21 +124,21 @@ class Clock:
     """
 
     def __init__(self, budget: float) -> None:
-        self.budget, self.started = budget, _counts.own.calls
+        self.budget, self.started = budget, int(_counts.own.cells[DONE])
 
     def check(self, terms: int = 0) -> None:
         """Raise OutOfBudgetError if the work is over or a product of that many terms would be formed."""
         if terms > MOST_TERMS:
             raise OutOfBudgetError(f"a product of {terms} terms")
-        count = _counts.own
-        count.calls += STEP
-        if count.calls - self.started > self.budget * CALLS:
+        own = _counts.own.cells
+        own[DONE] += STEP
+        if own[DONE] - self.started > self.budget * CALLS:
             raise OutOfBudgetError(self._said(self.budget))
 
     def remaining(self) -> float:
         """What is left; raises OutOfBudgetError where there is nothing."""
         self.check()
-        return self.budget - (_counts.own.calls - self.started) / CALLS
+        return self.budget - (int(_counts.own.cells[DONE]) - self.started) / CALLS
 
     def within(self, function: Callable[[], T], most: float = float("inf")) -> T:
         """Return function(), or raise OutOfBudgetError if it takes more than is left, or than `most`.
@@ -161,9 +148,9 @@ class Clock:
         """
         allowed = min(self.remaining(), most)
         count, hook = _counts.own, sys.gettrace()
-        outer = count.limit
-        count.limit = min(outer, count.calls + allowed * CALLS)
-        mine = count.limit < outer
+        outer = count.cells[LIMIT]
+        count.stop_at(min(outer, count.cells[DONE] + allowed * CALLS))
+        mine = count.cells[LIMIT] < outer
         try:
             return counted(function)()
         except _StoppedError:
@@ -171,7 +158,7 @@ class Clock:
                 raise
             raise OutOfBudgetError(self._said(min(self.budget, most))) from None
         finally:
-            count.limit = outer
+            count.stop_at(outer)
             # The interpreter takes away a hook that raised.
             sys.settrace(hook)
 

@@ -106,7 +106,9 @@ def _written(control: int, told: int, evaluate: int) -> str:
         return constant(_address(name), kind)
 
     own = b.load(constant(control + 8 * _THREAD, word))
-    b.cbranch(b.icmp_signed("==", own, b.ptrtoint(thread, word)), counts, goes_on)
+    # Where an exception is thrown into a frame nothing is called, and nothing else can be.
+    called = b.icmp_signed("==", thrown, ir.Constant(whole, 0))
+    b.cbranch(b.and_(called, b.icmp_signed("==", own, b.ptrtoint(thread, word))), counts, goes_on)
     b.position_at_end(counts)
     kept = b.inttoptr(b.load(constant(control + 8 * _CELLS, word)), word.as_pointer())
     calls = b.add(b.load(kept), ir.Constant(word, 1))
@@ -114,9 +116,8 @@ def _written(control: int, told: int, evaluate: int) -> str:
     limit = b.load(b.gep(kept, [ir.Constant(word, LIMIT)]))
     b.cbranch(b.icmp_signed(">", calls, limit), asks, goes_on)
     b.position_at_end(asks)
-    # With an exception to be thrown into the frame nothing else can be called.
-    due = b.icmp_signed(">", calls, b.load(constant(control + 8 * _NEXT, word)))
-    b.cbranch(b.and_(due, b.icmp_signed("==", thrown, ir.Constant(whole, 0))), tells, goes_on)
+    next_time = b.load(constant(control + 8 * _NEXT, word))
+    b.cbranch(b.icmp_signed(">", calls, next_time), tells, goes_on)
     b.position_at_end(tells)
     b.store(b.add(calls, ir.Constant(word, _AGAIN)), constant(control + 8 * _NEXT, word))
     handler = b.inttoptr(ir.Constant(word, told), pointer)
