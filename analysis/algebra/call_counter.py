@@ -21,7 +21,7 @@ _THREAD, _CELLS, _NEXT = 0, 1, 2
 # An exception that the handler had raised may be lost, as in a callback: it is told again so much later.
 _AGAIN = 10_000
 _EVALUATE = "_PyEval_EvalFrameDefault"
-_SET = "_PyInterpreterState_SetEvalFrameFunc"
+_GET, _SET = "_PyInterpreterState_GetEvalFrameFunc", "_PyInterpreterState_SetEvalFrameFunc"
 
 
 def cells() -> Any:
@@ -39,6 +39,8 @@ class CallCounter:
         python = ctypes.pythonapi
         self._set = getattr(python, _SET)
         self._set.argtypes, self._set.restype = [ctypes.c_void_p, ctypes.c_void_p], None
+        self._get = getattr(python, _GET)
+        self._get.argtypes, self._get.restype = [ctypes.c_void_p], ctypes.c_void_p
         self._default = _address(_EVALUATE)
         self._told = self._tell  # one object, of which the machine code holds the address
         python.PyInterpreterState_Get.restype = python.PyThreadState_Get.restype = ctypes.c_void_p
@@ -50,8 +52,8 @@ class CallCounter:
         self.handler()
 
     def start(self, count: Any, handler: Callable[[], None]) -> bool:
-        """Count into `cells` until `stop`; False where another thread is being counted."""
-        if not self.lock.acquire(blocking=False):
+        """Count into `cells` until `stop`; False where another thread or another hook is at work."""
+        if self._get(self._interpreter) != self._default or not self.lock.acquire(blocking=False):
             return False
         self.handler = handler
         self.control[_CELLS], self.control[_NEXT] = ctypes.addressof(count), 0
@@ -73,7 +75,7 @@ class CallCounter:
 
 def call_counter() -> CallCounter | None:
     """The counter of this interpreter; None where it has no such hook."""
-    names = (_SET, _EVALUATE, "PyObject_CallNoArgs", "PyInterpreterState_Get", "PyThreadState_Get")
+    names = (_GET, _SET, _EVALUATE, "PyObject_CallNoArgs", "PyInterpreterState_Get", "PyThreadState_Get")
     return CallCounter() if all(hasattr(ctypes.pythonapi, name) for name in names) else None
 
 
