@@ -63,7 +63,7 @@ def calls_of(program: Any) -> int:
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_the_count_is_that_of_a_trace_hook(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     found = calls_of(PROGRAMS[name])
-    monkeypatch.setattr(budget, "_counter", lambda: None)
+    monkeypatch.setattr(budget, "call_counter", lambda: None)
     assert found == pytest.approx(calls_of(PROGRAMS[name]), abs=4)
 
 
@@ -71,7 +71,7 @@ def test_the_count_is_that_of_a_trace_hook(name: str, monkeypatch: pytest.Monkey
 @pytest.mark.parametrize("limit", [0.001, 0.0371, 0.2])
 def test_work_without_end_is_ended(limit: float, native: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     if not native:
-        monkeypatch.setattr(budget, "_counter", lambda: None)
+        monkeypatch.setattr(budget, "call_counter", lambda: None)
     clock = Clock(1.0)
     with pytest.raises(OutOfBudgetError, match=f"{limit:.3g}"):
         clock.within(lambda: work(10**9), most=limit)

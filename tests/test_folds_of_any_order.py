@@ -7,6 +7,7 @@ either side (Filippov 1988, section 10), x = a u^(p + 1)/(p + 1) where it leaves
 from __future__ import annotations
 
 import os
+from typing import Any
 
 import numpy as np
 import pytest
@@ -42,3 +43,19 @@ def test_the_first_power_on_each_side_decides(signs: tuple[int, int]) -> None:
         assert got.status is Status.SUCCESS, told
         assert got.x_end[0] == pytest.approx(known, abs=1e-9), told
         assert got.steps < 200, told
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_functions_are_not_asked_beside_the_start(compiled: bool) -> None:
+    """A field without values where x > 1, from x = 1 on a surface: x' = -1 - 2 s, y' = 1."""
+
+    def field(t: float, z: Any, p: Any, s: Any) -> list[float]:
+        if z[0] > 1.0:
+            raise ValueError("no value there")
+        return [-1.0 - 2.0 * s[0], 1.0]
+
+    surface = Surface("half", lambda t, z, p: z[1] - 0.5)
+    system = System(field=field, surfaces=[surface], states="x u")
+    got = solve(system, (1.0, 0.5), (0, 0.3), backend="compiled" if compiled else "python")
+    assert got.status is Status.SUCCESS
+    assert got.x_end == pytest.approx([0.1, 0.8], abs=1e-12)

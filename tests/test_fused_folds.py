@@ -16,14 +16,23 @@ DRAWS = {"nightly": 200}.get(os.environ.get("FILIPPOV_PROFILE", ""), 6)
 x, y = states("x y")
 
 
-def half(field: Any, start: float, sense: float) -> float:
-    """Where a solution from (start, 0) comes back to y = 0 after it has left to the side `sense`."""
+class Back:
+    """The event y = 0, of a solution that has left to the side `sense`."""
 
-    def back(_: float, z: Any) -> float:
+    terminal = True
+
+    def __init__(self, sense: float) -> None:
+        self.direction = -sense
+
+    def __call__(self, _: float, z: Any) -> float:
         return float(z[1])
 
-    back.terminal, back.direction = True, -sense  # type: ignore[attr-defined]
-    found = solve_ivp(field, (0, 1), (start, 0.0), events=back, rtol=1e-12, atol=1e-16, max_step=0.01)
+
+def half(field: Any, start: float, sense: float) -> float:
+    """Where a solution from (start, 0) comes back to y = 0 after it has left to the side `sense`."""
+    found = solve_ivp(
+        field, (0, 1), (start, 0.0), events=Back(sense), rtol=1e-12, atol=1e-16, max_step=0.01
+    )
     return float(found.y_events[0][-1][0])
 
 

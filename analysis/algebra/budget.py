@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable
-from functools import cache, wraps
+from functools import wraps
 from inspect import CO_GENERATOR
 from types import FrameType
 from typing import Any, ParamSpec, TypeVar
@@ -61,11 +61,6 @@ class _Counts(threading.local):
 _counts = _Counts()
 
 
-@cache
-def _counter() -> CallCounter | None:
-    return call_counter()
-
-
 def counted(function: Callable[P, T]) -> Callable[P, T]:
     """The function with its calls counted while it runs. A trace hook that is there goes on working."""
 
@@ -74,7 +69,7 @@ def counted(function: Callable[P, T]) -> Callable[P, T]:
         count = _counts.own
         if count.depth:
             return function(*args, **kwargs)
-        before, counter = sys.gettrace(), _counter()
+        before, counter = sys.gettrace(), call_counter()
         count.depth = 1
         hook = _hook(count, before)
         if counter is not None and before is None and counter.start(count.cells, lambda: sys.settrace(hook)):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import threading
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from llvmlite import ir
@@ -18,7 +19,7 @@ from filippov.kernel.language.compiler import load_module
 CALLS, LIMIT = 0, 1
 NEVER = 2**62
 _THREAD, _CELLS, _NEXT = 0, 1, 2
-# An exception that the handler had raised may be lost, as in a callback: it is told again so much later.
+# An exception that the handler raised may be lost, as in a callback: it is told again after so many calls.
 _AGAIN = 10_000
 _EVALUATE = "_PyEval_EvalFrameDefault"
 _GET, _SET = "_PyInterpreterState_GetEvalFrameFunc", "_PyInterpreterState_SetEvalFrameFunc"
@@ -62,7 +63,7 @@ class CallCounter:
         return True
 
     def again(self) -> None:
-        """Tell the handler of the next call beyond the limit, which is another."""
+        """The limit is another one: tell the handler of the next call beyond it."""
         self.control[_NEXT] = 0
 
     def stop(self) -> None:
@@ -73,6 +74,7 @@ class CallCounter:
         self.lock.release()
 
 
+@cache
 def call_counter() -> CallCounter | None:
     """The counter of this interpreter; None where it has no such hook."""
     names = (_GET, _SET, _EVALUATE, "PyObject_CallNoArgs", "PyInterpreterState_Get", "PyThreadState_Get")

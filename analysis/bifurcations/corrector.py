@@ -111,7 +111,7 @@ class Corrector:
         if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(matrix)):
             raise NoConvergenceError("the equations are not finite.")
         matrix = matrix * self.sizes
-        if self.problem.kind == "equilibrium" or getattr(self.problem, "of_units", False):
+        if getattr(self.problem, "of_units", False):
             if self._rows is None:
                 largest = np.max(np.abs(matrix), axis=1)
                 self._rows = np.where(largest > 0.0, largest, 1.0)

@@ -151,7 +151,7 @@ class CurveProblem:
     @property
     def of_units(self) -> bool:
         """Whether the equations have the units of the states and of the time."""
-        return isinstance(self.inner, EquilibriumProblem)
+        return getattr(self.inner, "of_units", False)
 
     def _inner(self, second: float) -> Any:
         return self.inner.with_parameter(self.parameter, second)

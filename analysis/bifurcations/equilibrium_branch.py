@@ -47,6 +47,8 @@ class EquilibriumProblem:
     """
 
     kind = "equilibrium"
+    # Whether the equations have the units of the states and of the time.
+    of_units = True
 
     def __init__(
         self, system: System, mode: Mode, parameter: str, start: Any, parameters: Any = None,

@@ -3,6 +3,8 @@
 from filippov.kernel.language.primitives import Indices, Vector, entry, kernel
 from filippov.kernel.loop.land import EPS, guard_scale
 from filippov.kernel.loop.model import (
+    G_COLUMN,
+    G_FIRST,
     ROLE,
     WIDTH,
     M,
@@ -16,7 +18,7 @@ from filippov.kernel.loop.resolve import CLEAR_RATE, side_rates
 from filippov.kernel.loop.state import Integers, Scratch, Trajectory
 from filippov.kernel.tables.codes import GENERAL, REACHED, SWITCHING, USER_ERROR
 
-# Relative change of the time and of the states by which the rounding of a rate is measured.
+# A nudge of a state or of the time by this part of it shows the terms that it has in the field.
 NUDGE = 1e-6
 
 
@@ -60,41 +62,36 @@ def second_rate(
 
 
 @kernel
-def rate_rounding(
-    t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, iw: Integers, ctx: Indices
-) -> tuple[int, float, float]:
-    """What rounding of the time and of the states makes of h_i' at s_i = +1 and -1: (code, +, -)."""
-    y = w.xm
-    code, plus, minus, _ = side_rates(t, x, p, m, i, w, iw, ctx)
+def is_rounding(run: Trajectory, t: float, x: Vector, i: int, plus: float, minus: float) -> bool:
+    """Whether both rates of surface i are rounding of the time and of the states, as at a two-fold.
+
+    The field is asked beside the state only where the rates move the guard by less than it is known.
+    """
+    clock, w, y = run.clock, run.w, run.w.xm
+    known = 0.0
+    for a in range(G_FIRST[i], G_FIRST[i + 1]):
+        k = G_COLUMN[a]
+        known += (clock.rtol * abs(x[k]) + run.atol[k]) * abs(w.g[i * N + k])
+    if not (max(abs(plus), abs(minus)) * abs(clock.t_final - t) <= known):
+        return False
     for j in range(N):
         # Weights that differ: changes of states that are equal or opposite do not cancel.
         y[j] = x[j] * (1.0 + NUDGE * (1.0 + 0.37 * (j % 5)))
-    failed, above, below, _ = side_rates(t * (1.0 + 0.83 * NUDGE), y, p, m, i, w, iw, ctx)
-    if code != 0 or failed != 0:
-        return code, 0.0, 0.0
-    return 0, 64.0 * EPS * abs(above - plus) / NUDGE, 64.0 * EPS * abs(below - minus) / NUDGE
+    later = t * (1.0 + 0.83 * NUDGE)
+    code, above, below, _ = side_rates(later, y, run.p, run.m, i, w, run.iw, run.ctx)
+    least = 64.0 * EPS / NUDGE
+    return code == 0 and abs(plus) <= least * abs(above - plus) and abs(minus) <= least * abs(below - minus)
 
 
 @kernel
-def on_one_surface(
-    t: float,
-    x: Vector,
-    p: Vector,
-    m: Vector,
-    order: Indices,
-    lam: Vector,
-    i: int,
-    w: Scratch,
-    iw: Integers,
-    ctx: Indices,
-) -> int:
+def on_one_surface(run: Trajectory, t: float, x: Vector, lam: Vector, i: int) -> int:
     """Mode on surface i alone: slide, leave, or leave along a tangency decided by the second derivative."""
-    failed, least_plus, least_minus = rate_rounding(t, x, p, m, i, w, iw, ctx)
+    p, m, order, w, iw, ctx = run.p, run.m, run.order, run.w, run.iw, run.ctx
     code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
-    if failed != 0 or code != 0 or radii(t, x, p, w.radius, ctx) != 0:
+    if code != 0 or radii(t, x, p, w.radius, ctx) != 0:
         return USER_ERROR
-    if abs(plus) <= least_plus and abs(minus) <= least_minus:
-        return GENERAL  # a two-fold
+    if is_rounding(run, t, x, i, plus, minus):
+        return GENERAL
     lo, hi = w.radius[2 * i], w.radius[2 * i + 1]
     clear = CLEAR_RATE * scale
     at_hi = 0.5 * ((1.0 + hi) * plus + (1.0 - hi) * minus)
@@ -164,4 +161,4 @@ def begin(run: Trajectory) -> int:
         return REACHED
     if total > 1 or ROLE[reached] != SWITCHING:
         return GENERAL
-    return on_one_surface(t, x, p, m, order, lam, reached, w, run.iw, ctx)
+    return on_one_surface(run, t, x, lam, reached)

@@ -193,7 +193,7 @@ def sides(run: Trajectory, t: float, y: Vector) -> int:
 @kernel
 def jump(run: Trajectory, t: float, i: int) -> bool:
     """State after the reset of time event i into w.jump, and the mode there; False where it is not simple."""
-    clock, x, p, m, order, w, iw, ctx = run.clock, run.x, run.p, run.m, run.order, run.w, run.iw, run.ctx
+    clock, x, p, m, order, w, ctx = run.clock, run.x, run.p, run.m, run.order, run.w, run.ctx
     y, lam = w.jump, w.row
     if slid_on(m) == -2 or not look(run, t, x):
         return False
@@ -210,7 +210,7 @@ def jump(run: Trajectory, t: float, i: int) -> bool:
         order[j] = 0
     if on >= 0:
         m[on] = 1.0 if w.h[on] >= 0.0 else -1.0
-        code = on_one_surface(t, y, p, m, order, lam, on, w, iw, ctx)
+        code = on_one_surface(run, t, y, lam, on)
         lo, hi = w.radius[2 * on], w.radius[2 * on + 1]
         room = min(lam[on] - lo, hi - lam[on])
         if m[on] != 0.0:

@@ -91,7 +91,7 @@ def unfixed(point: Point, mode: Array, alone: Sequence[int]) -> list[int]:
         sides = [np.where(np.arange(len(mode)) == i, side, mode) for side in (1.0, -1.0)]
         fields = [point.rhs(np.where(side == 0, 1.0, side), mode) for side in sides]
         rates = [float(gt[i]) + point.machine.rate(i, g, velocity) for velocity in fields]
-        if max(map(abs, rates)) <= ROUNDING * max(point.terms(i, side) for side in sides):
+        if max(map(abs, rates)) <= ROUNDING * max(point.largest_terms(i, side) for side in sides):
             found.append(i)
     return found
 
@@ -106,25 +106,26 @@ def moving_outwards(
     """
     leaving = []
 
-    def along(i: int, side: int, both: bool) -> tuple[int, float, float] | None:
-        """The leading term of the distance to an end, and whether sliding attracts."""
-        code, _, _, rows = point.probe(point.step, mode, lam)
-        scale = float(np.max(np.abs(rows[:, :, i] if both else rows[:, side, i])))
+    code, _, _, rows = point.probe(point.step, mode, lam)
+
+    def sign_along(i: int, side: int) -> float | None:
+        """The sign of the distance to an end along the trial step, by its leading term."""
+        scale = float(np.max(np.abs(rows[:, side, i] if i in free else rows[:, :, i])))
         terms = Terms(scale, 0.0, grain=point.grain)
         term = leading_term(point, mode, lam, partial(_row, side, i), terms)
-        return None if code != 0 or term is None else (*term, _attraction(point, rows, i))
+        return None if code != 0 or term is None else term[1]
 
     for i in sliding:
         if i in free:
-            up, down = along(i, 0, False), along(i, 1, False)
-            if up is None or down is None or up[1] * down[1] < 0:
+            up, down = sign_along(i, 0), sign_along(i, 1)
+            if up is None or down is None or up * down < 0:
                 leaving.append(i)
             continue
         low, high = radii[i]
         near = nearness(base, i, low, high)
         for side, at_end in ((0, lam[i] > high - near), (1, lam[i] < low + near)):
             # Rows are written for sliding that attracts; one that repels has both of them negative.
-            if at_end and ((term := along(i, side, True)) is None or term[1] * term[2] < 0):
+            if at_end and ((on := sign_along(i, side)) is None or on * _attraction(point, rows, i) < 0):
                 leaving.append(i)
                 break
     return leaving

@@ -28,9 +28,9 @@ VISIBLE, INVISIBLE, MIXED = "visible two-fold", "invisible two-fold", "visible-i
 EPS = float(np.finfo(float).eps)
 # Of the largest entry: what an entry or an eigenvalue of the linear flow cannot be told from 0 by.
 VANISHING = 1e-6
-# Steps in which derivatives are taken, of the time scale of the point; roundings in the terms of a rate.
 # A derivative is one where half the step gives the same, to this share of the largest.
 STEADY = 0.1
+# Steps in which derivatives are taken, of the time scale of the point; roundings in the terms of a rate.
 DIFFERENCE, ROUNDINGS = 1e-5, 64.0
 NEWTON = 4
 # Opposite fields, to which a point is an equilibrium.

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from filippov.kernel.loop.start import NUDGE
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Array, Machine
 
-# A nudge of a state by this part of it shows the terms that it has in the field.
-NUDGE = 1e-6
 DIFFERENCES = 32.0
 
 Probe = tuple[int, Array, Array, Array]
@@ -113,7 +112,12 @@ class Point:
         return float(self.summed[key][i]) + self.reach(i, mode)
 
     def largest_terms(self, i: int, mode: Array) -> float:
-        """About the size of the `terms` of surface i, from all states and the time moved at once."""
+        """About the size of the `terms` of surface i, from all states and the time moved at once.
+
+        0 for plain functions, which need have no values beside the point.
+        """
+        if self.machine.callbacks is not None:
+            return 0.0
         key = mode.tobytes()
         if key not in self.moved:
             signs = np.where(mode == 0.0, 1.0, mode)
