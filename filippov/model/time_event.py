@@ -106,12 +106,22 @@ class TimeEvent:
         out = []
         for q in self.instants:
             if is_expression(q):
-                from sympy import Float
-
-                out.append(float(q.xreplace({s: Float(values[s.name]) for s in q.free_symbols})))
+                out.append(self._number(q, values))
             else:
                 out.append(as_number(q(p), f"time event {self.name!r}") if callable(q) else q)
         return self.checked(out)
+
+    def _number(self, expression: Expr, values: Mapping[str, float]) -> float:
+        """An instant's expression at parameter values by name; ModelError where it is no real number."""
+        from sympy import Float
+
+        at = expression.xreplace({s: Float(values[s.name]) for s in expression.free_symbols})
+        if at.is_real is False or at.is_finite is False:
+            known = ", ".join(f"{s.name} = {values[s.name]:g}" for s in expression.free_symbols)
+            raise ModelError(
+                f"time event {self.name!r}: {expression} is {at} at {known}, expected a finite real number."
+            )
+        return float(at)
 
 
 

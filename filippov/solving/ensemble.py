@@ -238,7 +238,7 @@ class Prepared:
         width = 1 if alone else _lanes(self.lanes, machine, checked.method, count)
         unit = _lane_unit(machine, checked.method, width) if width > 1 else None
         workers = system_threads(system, self.threads, count, _ROWS_EACH[width > 1])
-        parts: list[Ensemble] = []
+        unfit, parts = unusable(system, states, values), list[Ensemble]()
         for first in range(0, max(count, 1), _BLOCK):
             rows = slice(first, min(first + _BLOCK, count))
 
@@ -263,7 +263,7 @@ class Prepared:
                     batch.put_back()
                 return ends
 
-            part = self._usable(first, states[rows], values[rows], carried, look)
+            part = self._usable(first, states[rows], values[rows], carried, look, unfit)
             if measure is not None:
                 part = replace(part, measured=_measured(measure, part))
             parts.append(part)
@@ -290,18 +290,20 @@ class Prepared:
 
     def _usable(
         self, first: int, states: Array, values: Array, carried: Callable[[Array, Array, Options], Ensemble],
-        look: Callable[[int], None],
+        look: Callable[[int], None], unfit: dict[int, str],
     ) -> Ensemble:  # fmt: skip
-        """The ends of a block; rows with what is not finite end where they are, and say so."""
-        usable = np.isfinite(states).all(axis=1) & np.isfinite(values).all(axis=1)
+        """The ends of a block; rows that cannot be run end where they are, and say why."""
+        cause = {k - first: why for k, why in unfit.items() if first <= k < first + len(states)}
+        usable = np.ones(len(states), dtype=bool)
+        usable[list(cause)] = False
         if usable.all():
             return self._by_scale(states, values, carried)
         order = np.concatenate([np.flatnonzero(usable), np.flatnonzero(~usable)])
         some = self._by_scale(states[usable], values[usable], carried)
         whole = _permuted(_joined([some], states[order], self.span), np.argsort(order))
         status, message = list(whole.status), list(whole.message)
-        for q in np.flatnonzero(~usable).tolist():
-            status[q], message[q] = Status.ERROR, unusable(self.system, first + q, states[q], values[q])
+        for q, why in cause.items():
+            status[q], message[q] = Status.ERROR, why
         if some.complete:
             look(len(states))
         return replace(whole, status=tuple(status), message=tuple(message))

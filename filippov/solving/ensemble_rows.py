@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from filippov.base.errors import UsageError
+from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import number_array, shown
 from filippov.base.quantity import is_quantity, plain
+from filippov.model.comparators.hysteresis import check_widths
 from filippov.model.system import System
 from filippov.solving.state.machine import Array
 from filippov.solving.state.options import without_units
@@ -19,7 +20,7 @@ from filippov.solving.state.options import without_units
 def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Array, Array]:
     """Initial states (k, n) and rows of parameters (k, P). Raises UsageError, ModelError.
 
-    Of several rows some may hold what is not finite (`unusable`).
+    Of several rows some may hold what is not finite (`not_finite`).
     """
     if is_quantity(x0):
         raise UsageError("x0 is a quantity with a unit, expected numbers in the units of the states.")
@@ -31,7 +32,7 @@ def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
         )
     finite = np.isfinite(states)
     if states.size and not finite.all(axis=1).any():
-        raise UsageError(unusable(system, 0, states[0], np.zeros(0)))
+        raise UsageError(not_finite(system, 0, states[0], np.zeros(0)))
     units = {name: system.parameters[name].unit for name in system.parameters.names}
     given = {
         k: [plain(one, units.get(k, ""), f"parameter {k!r}") for one in q] if isinstance(q, list | tuple)
@@ -74,7 +75,24 @@ def _without_units(x0: Any, system: System) -> Any:
     return [without_units(row, system, f"x0[{i}]") for i, row in enumerate(rows)]
 
 
-def unusable(system: System, row: int, state: Array, values: Array) -> str:
+def unusable(system: System, states: Array, values: Array) -> dict[int, str]:
+    """Why rows cannot be run, by row: a number that is not finite, a width or an instant that cannot be.
+
+    Raises the first of these, a ModelError or what a function of the user's raised, where no row is left.
+    """
+    finite = np.isfinite(states).all(axis=1) & np.isfinite(values).all(axis=1)
+    told = {k: not_finite(system, k, states[k], values[k]) for k in np.flatnonzero(~finite).tolist()}
+    at = np.flatnonzero(finite)
+    refused = _refused(system, values[at])
+    if len(refused) == len(at) > 0:
+        raise refused[0]
+    for k, error in refused.items():
+        name = "" if isinstance(error, ModelError) else f"{type(error).__name__}: "
+        told[int(at[k])] = f"row {at[k]}: {name}{error}"
+    return told
+
+
+def not_finite(system: System, row: int, state: Array, values: Array) -> str:
     """Why a row cannot be run: the first of its numbers that is not finite; "" where all are."""
     named = [*(f"state {name!r}" for name in system.states), *(f"parameter {n!r}" for n in system.parameters)]
     for name, value in zip(named, [*state.tolist(), *values.tolist()], strict=False):
@@ -82,3 +100,26 @@ def unusable(system: System, row: int, state: Array, values: Array) -> str:
             where = f"x0[{row}]" if name.startswith("state") else f"row {row}"
             return f"{where}: {name} is {value}, expected a finite number."
     return ""
+
+
+def _refused(system: System, values: Array) -> dict[int, Exception]:
+    """What makes rows of parameters (k, P) no system, by row: widths and instants that cannot be."""
+    if not system.variable_widths and not system.clocked:
+        return {}
+    form, errors = system.symbolic, dict[int, Exception]()
+    # Of many parameters few stand in widths and instants; functions may read all of them.
+    instants = [e for event in system.time_events for e in event.expressions()]
+    asked = [*(form.widths if form else ()), *instants]
+    inside = {s.name for e in asked if e is not None for s in e.free_symbols}
+    places = [i for i, name in enumerate(system.parameters.names) if form is None or name in inside]
+    _, first, of = np.unique(values[:, places], axis=0, return_index=True, return_inverse=True)
+    for k, row in enumerate(values[first]):
+        try:
+            if form is not None:
+                check_widths(form, system.surfaces, row)
+            known = dict(zip(system.parameters.names, row.tolist(), strict=True))
+            for event in system.time_events:
+                event.numbers(system.parameters.record(row), known)
+        except Exception as error:  # noqa: BLE001  # what a user's function raises is of its row only
+            errors[k] = error
+    return {row: errors[k] for row, k in enumerate(of.reshape(-1).tolist()) if k in errors}

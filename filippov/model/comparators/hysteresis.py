@@ -56,7 +56,8 @@ def check_widths(form: SymbolicForm, surfaces: Sequence[Surface], values: npt.ND
     for surface, width in zip(surfaces, form.widths, strict=False):
         if width is None:
             continue
-        at = np.broadcast_to(_function(width, form.p)(*np.moveaxis(values, -1, 0)), values.shape[:-1])
+        with np.errstate(all="ignore"):
+            at = np.broadcast_to(_function(width, form.p)(*np.moveaxis(values, -1, 0)), values.shape[:-1])
         wrong = ~((at > 0) & np.isfinite(at))
         if np.any(wrong):
             raise ModelError(
