@@ -140,7 +140,7 @@ def routh_hurwitz(
     It is given as coefficients (highest first), as a sympy.Poly or as an expression in s. Coefficients are
     numbers (floats stand for their shortest decimal) or expressions in real symbols. `assume` are
     inequalities taken to hold, such as m > 0; they shorten the conditions. After `budget` million calls
-    (about a second each, asked between the steps), or where a product would grow beyond all use, the result
+    (about 0.3 s each, asked between the steps), or where a product would grow beyond all use, the result
     has status "timeout" and the rows so far. Raises UsageError for what is not a
     polynomial with finite real coefficients.
     """

@@ -92,7 +92,7 @@ def stability_report(
     t: float | None = None,
     assume: Iterable[Any] | None = None,
     hook: SetStability | None = None,
-    budget: Positive = 30.0,
+    budget: Positive = 60.0,
 ) -> StabilityReport:
     """Return the stability of all equilibria of a system of expressions.
 
@@ -102,7 +102,7 @@ def stability_report(
     assume      inequalities taken to hold in the formulas; by default each parameter but
                 the one that is solved for keeps the sign of its value
     hook        gives the slope of an event map's second iterate at a set, which decides if nothing else does
-    budget      work, in millions of calls of Python functions (about a second each)
+    budget      work, in millions of calls of Python functions (about 0.3 s each)
 
     Raises ModelError for a system of plain functions or an unknown parameter.
     """
@@ -224,12 +224,12 @@ def _items(
 
 @keywords()
 def certify(
-    system: System, parameters: Mapping[Any, float] | None = None, *, budget: Positive = 30.0
+    system: System, parameters: Mapping[Any, float] | None = None, *, budget: Positive = 60.0
 ) -> tuple[tuple[EquilibriumPoint | EquilibriumSet, Certificate | None], ...]:
     """Return every equilibrium and set with the first certificate of its stability or instability, or None.
 
     parameters  values at which it is asked, the defaults where not given
-    budget      work, in millions of calls of Python functions (about a second each)
+    budget      work, in millions of calls of Python functions (about 0.3 s each)
 
     Unlike `stability_report` it does not stop where the linear part decides. A certificate names theorem,
     source and the hypotheses that were checked. Raises ModelError for a system of plain functions or an

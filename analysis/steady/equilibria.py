@@ -61,7 +61,7 @@ def equilibria(
     modes       those to search, such as ["0"]; every mode by default (at most 243, else up to one sliding)
     t           the time at which a system that depends on it is frozen
     box         (least, greatest) by state where a numerical search is needed, +-10 by default
-    budget      work, in millions of calls of Python functions (about a second each)
+    budget      work, in millions of calls of Python functions (about 0.3 s each)
 
     A mode whose equations cannot be solved in formulas is searched numerically from many starts, which may
     miss equilibria and is noted. A system of plain functions is always searched so. A zero of several

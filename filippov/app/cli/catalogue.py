@@ -228,7 +228,7 @@ _ALL = (
          Option("t", "time at which a system that moves with t is frozen", number, metavar="T"),
          Option("certify", "certificates also where the linear part decides: certificates.json", switch,
                 default=False),
-         Option("budget", "work, in millions of calls (a second each)", number, metavar="N", default=30.0)),
+         Option("budget", "work, in millions of calls (0.3 s each)", number, metavar="N", default=60.0)),
         EXAMPLES["stability"],
         needs="filippov.analysis.local_stability.stability",
     ),
