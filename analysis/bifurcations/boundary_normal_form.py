@@ -27,6 +27,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import matrix_balance
 from scipy.optimize import brentq
 
 from filippov.analysis.algebra import linalg
@@ -38,13 +39,13 @@ from filippov.base.errors import UsageError
 Array = npt.NDArray[np.float64]
 Form = tuple[dict[str, float], str]
 _ZERO, _SAMPLES, _TURNS = 1e-7, 64, 1.5
-# Determinants below this part of the product of the lengths of their rows are 0.
-_SINGULAR = 1e-9
+# Determinants below this part of the product of the lengths of their rows, in balanced units, are 0.
+_SINGULAR, _SWEEPS = 1e-9, 30
 _CHANGE = "; the stability changes there"
 
 
 class BoundaryEquilibrium:
-    """A, B, C, D at a boundary equilibrium, in the mode beside the surface.
+    """A, B, C, D at a boundary equilibrium, in the mode beside the surface, in units that balance A.
 
     problem  equilibria of that mode, or pseudo-equilibria; test: "boundary NAME", "upper NAME", "lower NAME"
     """
@@ -69,9 +70,10 @@ class BoundaryEquilibrium:
             raise UsageError(f"surface {name!r} has a set wider than the hull of its fields.")
         by = regular.field.part("fy", *at)[0]
         slope = self.side * regular.field.part("hy", *at)[0, i]
-        self.A, self.M = by[:, :n], by[:, n]
-        self.C, self.moves = slope[:n], float(slope[n])
-        self.B = other.field.part("f", *other._at(u[:n], value))[0, :, 0]
+        beyond = other.field.part("f", *other._at(u[:n], value))[0, :, 0]
+        _, (self.units, _) = matrix_balance(by[:, :n], permute=False, separate=True)
+        self.A, self.M = by[:, :n] / self.units[:, None] * self.units, by[:, n] / self.units
+        self.B, self.C, self.moves = beyond / self.units, slope[:n] * self.units, float(slope[n])
 
     @property
     def across(self) -> float:
@@ -108,26 +110,27 @@ class BoundaryEquilibrium:
         if after is None:
             return None
         t = float(brentq(height, times[after - 1], times[after], xtol=1e-14))
-        along = np.array([-C[1], C[0]])
+        # A vector of length 1 along the surface, in the states' own units.
+        along = np.array([-C[1] / self.units[1], C[0] / self.units[0]])
+        along *= self.units / np.linalg.norm(along)
         back = float(along @ (linalg.expm(A * t) @ tangency - tangency))
         # A z + B l = 0 and C z = -1.
         block = np.block([[A, B[:, None]], [C[None, :], np.zeros((1, 1))]])
         pseudo = float(along @ (linalg.solve(block, [0.0, 0.0, -1.0])[:2] - tangency))
-        return back / float(C @ C) ** 0.5, pseudo / float(C @ C) ** 0.5
+        return back, pseudo
 
     def form(self, value: float, name: str) -> Form:
         """Coefficients and what they predict; name: of the parameter."""
-        det = float(np.linalg.det(self.A))
         size = float(np.linalg.norm(self.A, 2))
-        if abs(det) < _ZERO * size ** len(self.B):
+        if not _determinant(self.A):
             return {"C B": self.across}, "degenerate: an eigenvalue of the equilibrium is 0"
         inverse = float(self.C @ linalg.solve(self.A, self.B))
-        shift = self.moves - float(self.C @ linalg.solve(self.A, self.M))
+        shift = _moves(self.moves, self.C, linalg.solve(self.A, self.M))
         out = {"C A^-1 B": inverse, "C B": self.across, "dH/dvalue": shift}
         scale = float(np.linalg.norm(self.C) * np.linalg.norm(self.B))
         if min(abs(self.across), abs(inverse) * size) < _ZERO * scale:
             return out, "degenerate: the other field is tangent to the surface or the branch turns there"
-        if abs(shift) < _ZERO:
+        if not shift:
             return out, "degenerate: the parameter does not move the equilibrium across the surface"
         regular = _kind(linalg.eigvals(self.A))
         values = self.sliding()
@@ -157,7 +160,7 @@ class BoundaryEquilibrium:
     def _cycle(self, out: dict[str, float], inverse: float) -> str:
         """The sliding cycle around a planar focus, in words; its length on the surface in units of H."""
         values = linalg.eigvals(self.A)
-        if len(self.B) != 2 or np.max(np.abs(values.imag)) < _ZERO or values[0].real * self.across <= 0:
+        if len(self.B) != 2 or not np.any(values.imag) or values[0].real * self.across <= 0:
             return ""
         found = self.cycle()
         if found is None:
@@ -196,12 +199,10 @@ class KinkEquilibrium:
         out = {"det A": self.dets[0], "det A beyond": self.dets[1]}
         if 0.0 in self.dets:
             return out, "degenerate: an eigenvalue of the equilibrium of one side is 0"
-        moves = []
-        for A, M, slope in zip(self.A, self.M, self.slopes, strict=True):
-            along = slope[:-1] * linalg.solve(A, M)
-            size = abs(slope[-1]) + float(np.sum(np.abs(along)))
-            move = float(slope[-1] - np.sum(along))
-            moves.append(0.0 if abs(move) <= _ZERO * size else move)
+        moves = [
+            _moves(float(slope[-1]), slope[:-1], linalg.solve(A, M))
+            for A, M, slope in zip(self.A, self.M, self.slopes, strict=True)
+        ]
         out |= {"dH/dvalue": moves[0], "dH/dvalue beyond": moves[1]}
         if 0.0 in moves:
             return out, "degenerate: the parameter does not move the equilibrium across the surface"
@@ -233,11 +234,25 @@ def boundary(
     return BoundaryEquilibrium(problem, test, u, value)
 
 
-def _determinant(A: Array) -> float:
+def _determinant(matrix: Array) -> float:
     """The determinant; 0 where rounding decides its sign."""
-    found = float(np.linalg.det(A))
-    rows = float(np.prod(np.linalg.norm(A, axis=1)))
-    return found if abs(found) > _SINGULAR * rows else 0.0
+    rows, columns = np.ones(len(matrix)), np.ones(len(matrix))
+    for _ in range(_SWEEPS):
+        sizes = np.abs(matrix) / rows[:, None] / columns
+        rows *= np.sqrt(np.max(sizes, axis=1, initial=0.0)) + (~np.any(sizes, axis=1))
+        columns *= np.sqrt(np.max(sizes, axis=0, initial=0.0)) + (~np.any(sizes, axis=0))
+    scaled = matrix / rows[:, None] / columns
+    found = float(np.linalg.det(scaled))
+    if abs(found) <= _SINGULAR * float(np.prod(np.linalg.norm(scaled, axis=1))):
+        return 0.0
+    return found * float(np.prod(rows * columns))
+
+
+def _moves(own: float, slope: Array, shift: Array) -> float:
+    """dH/dvalue of an equilibrium that the parameter shifts by -shift; 0 where rounding decides its sign."""
+    terms = [own, *(-slope * shift)]
+    found = float(np.sum(terms))
+    return found if abs(found) > _ZERO * float(np.sum(np.abs(terms))) else 0.0
 
 
 def _kind(values: npt.NDArray[np.complex128]) -> str:
