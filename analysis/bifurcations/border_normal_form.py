@@ -173,9 +173,9 @@ def _apart(t: float, problem: OrbitProblem, u: Array, value: float) -> float:
     return float(share - round(share))
 
 
-def _sides(rate: float, name: str, value: float) -> tuple[str, str]:
+def _sides(rate: float, name: str, value: float, width: float) -> tuple[str, str]:
     beyond, before = (">", "<") if rate < 0 else ("<", ">")
-    return f"{name} {beyond} {number(value)}", f"{name} {before} {number(value)}"
+    return f"{name} {beyond} {number(value, width)}", f"{name} {before} {number(value, width)}"
 
 
 def _counted(
@@ -183,7 +183,7 @@ def _counted(
 ) -> str:
     """The case q = 1."""
     rate = out["dH/dvalue"] = free.rate(width)
-    beyond, before = _sides(rate, name, value)
+    beyond, before = _sides(rate, name, value, width)
     other = free.M @ (np.eye(len(at.vector)) - np.outer(at.vector, at.slope))
     first, second = free.multipliers(free.M), free.multipliers(other)
     out["multiplier"], out["multiplier beyond"] = (float(np.max(np.abs(v))) for v in (first, second))
@@ -206,7 +206,7 @@ def _square_root(
 ) -> str:
     """The case q = 1/2."""
     rate = out["dH/dvalue"] = free.rate(width)
-    beyond, before = _sides(rate, name, value)
+    beyond, before = _sides(rate, name, value, width)
     rows, column = [], at.vector
     for _ in range(_RETURNS):
         column = free.reduced @ column

@@ -119,8 +119,8 @@ class BoundaryEquilibrium:
         pseudo = float(along @ (linalg.solve(block, [0.0, 0.0, -1.0])[:2] - tangency))
         return back, pseudo
 
-    def form(self, value: float, name: str) -> Form:
-        """Coefficients and what they predict; name: of the parameter."""
+    def form(self, value: float, width: float, name: str) -> Form:
+        """Coefficients and what they predict; width: of the bounds; name: of the parameter."""
         size = float(np.linalg.norm(self.A, 2))
         if not _determinant(self.A):
             return {"C B": self.across}, "degenerate: an eigenvalue of the equilibrium is 0"
@@ -138,7 +138,7 @@ class BoundaryEquilibrium:
         for k, v in enumerate(sorted(values.real)):
             out[f"sliding eigenvalue {k + 1}"] = float(v)
         away, back = (">", "<") if shift > 0 else ("<", ">")
-        there, here = (f"for {name} {sign} {number(value)}" for sign in (away, back))
+        there, here = (f"for {name} {sign} {number(value, width)}" for sign in (away, back))
         cycle = self._cycle(out, inverse)
         of = f"; a boundary {regular.split()[-1]}" if len(self.B) == 2 else ""
         if inverse < 0:
@@ -194,8 +194,8 @@ class KinkEquilibrium:
         self.M = [matrix[:, -1] for matrix in matrices]
         self.dets = [_determinant(A) for A in self.A]
 
-    def form(self, value: float, name: str) -> Form:
-        """Coefficients and what they predict; name: of the parameter."""
+    def form(self, value: float, width: float, name: str) -> Form:
+        """Coefficients and what they predict; width: of the bounds; name: of the parameter."""
         out = {"det A": self.dets[0], "det A beyond": self.dets[1]}
         if 0.0 in self.dets:
             return out, "degenerate: an eigenvalue of the equilibrium of one side is 0"
@@ -207,7 +207,7 @@ class KinkEquilibrium:
         if 0.0 in moves:
             return out, "degenerate: the parameter does not move the equilibrium across the surface"
         away, back = (">", "<") if moves[0] > 0 else ("<", ">")
-        there, here = (f"for {name} {sign} {number(value)}" for sign in (away, back))
+        there, here = (f"for {name} {sign} {number(value, width)}" for sign in (away, back))
         mine, other = (self._named(k) for k in (0, 1))
         # Beside one kink the signs of the determinants say the same.
         if moves[0] * moves[1] > 0:

@@ -54,7 +54,7 @@ def normal_form(problem: Any, point: BranchPoint, width: float, name: str) -> Fo
                 raise UsageError("more than two branches meet on the kinks there.")
             test, _, modes = crossed.rpartition(": ")
             other = mode_text(ast.literal_eval(modes.split(" -> ")[1]))
-            return boundary(problem, test, u, value, other).form(value, name)
+            return boundary(problem, test, u, value, other).form(value, width, name)
     if kind == "fold" and (maps or isinstance(problem, EquilibriumProblem | FunctionProblem)):
         return fold(problem, u, value, width, name)
     if maps and kind in ("period doubling", "symmetry breaking"):

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import matrix_balance
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.growth import Growth, by_eigenvalues, by_multipliers
@@ -38,9 +39,9 @@ _BENT = 0.3
 _RESONANT = 1e-3
 
 
-def number(value: float) -> str:
-    """A value of the parameter in words; what is 0 to rounding is 0."""
-    return f"{round(value, 10) + 0.0:.6g}"
+def number(value: float, width: float) -> str:
+    """A value of the parameter in words; width: of its bounds, of which 1e-10 is 0."""
+    return f"{round(value / width, 10) * width + 0.0:.6g}"
 
 
 def null_vectors(matrix: Array) -> tuple[Array, Array]:
@@ -79,7 +80,7 @@ def fold(problem: Any, u: Array, value: float, width: float, name: str) -> Form:
             slope = (ends[0][key] - ends[1][key]) / (2 * _REACH)
             out[f"root {key}"] = abs(slope) / float(np.sqrt(abs(curvature)))
     inside, outside = (">", "<") if curvature > 0 else ("<", ">")
-    at = number(value)
+    at = number(value, width)
     return out, f"two solutions for {name} {inside} {at}, none for {name} {outside} {at}"
 
 
@@ -185,6 +186,10 @@ def hopf_jets(problem: EquilibriumProblem, u: Array, value: float) -> tuple[Jets
         with np.errstate(all="ignore"):
             return np.asarray(problem.evaluate(u + scale * z, value)[1][:n, :n] * scale / scale[:, None])
 
+    # The ratios of the units by the linear terms, then their common size by the others.
+    _, (units, _) = matrix_balance(matrix(np.zeros(n)), permute=False, separate=True)
+    if np.max(units) > APART * np.min(units):
+        scale = scale * units / float(np.exp(np.mean(np.log(units))))
     scale = scale * _bend(matrix, n)
     return Jets(matrix, n), scale
 
@@ -228,4 +233,4 @@ def _branching(
     born = "a stable" if restoring > 0 and others == "stable" else "an unstable"
     if restoring > 0 and others == "undecided":
         born = "an undecided"
-    return out, f"{kind}: {born} {what} for {name} {'>' if above else '<'} {number(value)}"
+    return out, f"{kind}: {born} {what} for {name} {'>' if above else '<'} {number(value, width)}"
