@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-EPS = 2.220446049250313e-16
+from filippov.kernel.tables.layout import EPS
+
 # The first length of a difference, relative to the magnitude of the argument; later ones are shorter.
 REACH, SHORTER, ROUNDS = 2e-3, 8.0, 9
 # How far the slopes over one and over two such lengths may differ, relatively; the error of order 4 is

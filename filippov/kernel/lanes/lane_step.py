@@ -28,7 +28,6 @@ from filippov.kernel.loop.control import (
     leaves,
 )
 from filippov.kernel.loop.field import clear_ranges, field, project
-from filippov.kernel.loop.land import EPS
 from filippov.kernel.loop.model import (
     ALL_LINEAR,
     END_IN_ERROR,
@@ -47,6 +46,7 @@ from filippov.kernel.loop.model import (
 )
 from filippov.kernel.loop.search import FALLING, LATE, ROUNDED
 from filippov.kernel.loop.state import Group, Integers, Scratch
+from filippov.kernel.tables.layout import EPS
 
 # The second mask of the result is above the first.
 FINISHED = 32

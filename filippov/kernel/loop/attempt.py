@@ -13,7 +13,7 @@ from filippov.kernel.loop.control import (
     uniform,
 )
 from filippov.kernel.loop.field import clear_ranges, field, project
-from filippov.kernel.loop.land import EPS, project_on
+from filippov.kernel.loop.land import project_on
 from filippov.kernel.loop.model import AFFINE, END_IN_ERROR, IMPLICIT, STAGES, WIDTH, M, N, stages
 from filippov.kernel.loop.state import Trajectory
 from filippov.kernel.tables.codes import (
@@ -27,6 +27,7 @@ from filippov.kernel.tables.codes import (
     ROOT,
     USER_ERROR,
 )
+from filippov.kernel.tables.layout import EPS
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
 

@@ -3,7 +3,7 @@
 from filippov.kernel.language.primitives import INF, Indices, Vector, from_bits, kernel, shift, sqrt, to_bits
 from filippov.kernel.loop.field import field
 from filippov.kernel.loop.gradients import rate
-from filippov.kernel.loop.land import EPS, guard_scale
+from filippov.kernel.loop.land import guard_scale
 from filippov.kernel.loop.model import (
     ALL_LINEAR,
     COMPONENT,
@@ -34,6 +34,7 @@ from filippov.kernel.loop.model import (
 from filippov.kernel.loop.series import constant_series, series_clear
 from filippov.kernel.loop.state import Clock, Integers, Scratch
 from filippov.kernel.tables.codes import ALONG, LOWER, ROOT, UPPER
+from filippov.kernel.tables.layout import EPS
 from filippov.kernel.tables.root_tables import GAUSS_A, GAUSS_B, GAUSS_C
 
 # Bits of 1.0, moved by the mean error of reading a mantissa as a logarithm.

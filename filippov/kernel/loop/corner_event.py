@@ -10,7 +10,7 @@ from filippov.kernel.loop.control import finite
 from filippov.kernel.loop.corner import corner_rates, followed, one_solution, turns_out
 from filippov.kernel.loop.event_cycle import zeno_horizon, zeno_remaining
 from filippov.kernel.loop.field import field, set_mode
-from filippov.kernel.loop.land import EPS, guard_scale
+from filippov.kernel.loop.land import guard_scale
 from filippov.kernel.loop.model import (
     COMPONENT,
     CONTACT,
@@ -45,6 +45,7 @@ from filippov.kernel.tables.codes import (
     USER_ERROR,
     ZENO,
 )
+from filippov.kernel.tables.layout import EPS
 
 # The least distance of a multiplier from the ends of its set; cycles as short, relative to the time run, may
 # accumulate.

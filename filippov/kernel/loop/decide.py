@@ -5,7 +5,6 @@ from filippov.kernel.loop.control import guard_state, guards_on, mark_triggers
 from filippov.kernel.loop.corner_event import leave_corner, reach_corner, take_corner
 from filippov.kernel.loop.event_cycle import fading, faint, zeno_horizon, zeno_remaining
 from filippov.kernel.loop.field import field
-from filippov.kernel.loop.land import EPS
 from filippov.kernel.loop.model import (
     COMPONENT,
     LINEAR,
@@ -45,6 +44,7 @@ from filippov.kernel.tables.codes import (
     USER_ERROR,
     ZENO,
 )
+from filippov.kernel.tables.layout import EPS
 
 
 @inline

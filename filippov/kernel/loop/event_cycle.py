@@ -5,11 +5,12 @@ solution by itself, which circles around h = h' = 0, in ever smaller cycles wher
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, shift
-from filippov.kernel.loop.land import EPS, guard_scale
+from filippov.kernel.loop.land import guard_scale
 from filippov.kernel.loop.model import G_COLUMN, G_FIRST, NON_LIPSCHITZ, ROLE, WIDTH, N
 from filippov.kernel.loop.resolve import NO_EFFECT, side_rates
 from filippov.kernel.loop.state import EventCycles, Integers, Scratch, Trajectory
 from filippov.kernel.tables.codes import KINK, SWITCHING
+from filippov.kernel.tables.layout import EPS
 
 # Shrinking intervals in a row, for each lag: a solution without accumulation hardly ever has as many.
 ZENO_STREAK = 6

@@ -26,9 +26,9 @@ from filippov.kernel.loop.model import (
 from filippov.kernel.loop.roots.sampling import guard_rows
 from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.codes import ALONG, ROOT, SWITCHING, TOUCH, UPPER
+from filippov.kernel.tables.layout import EPS
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
-EPS = 2.220446049250313e-16
 # The largest |guard| at an event, in roundings of its terms, where the integration is that accurate.
 ASTRAY = 1e4
 # A number that is larger is none that a guard has.

@@ -9,11 +9,12 @@ from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, 
 from filippov.kernel.loop.control import finite
 from filippov.kernel.loop.event_cycle import CHOSEN, cycle_limit, distant
 from filippov.kernel.loop.field import field, set_mode
-from filippov.kernel.loop.land import EPS, guard_scale, project_on
+from filippov.kernel.loop.land import guard_scale, project_on
 from filippov.kernel.loop.model import CONTACT, ROLE, WIDTH, M, N, gradients, guards, resets, rhs
 from filippov.kernel.loop.reset import rest
 from filippov.kernel.loop.state import Past, Scratch, Trajectory
 from filippov.kernel.tables.codes import ENTRY, GENERAL, LIMIT, NONE, OBSERVER, RESET
+from filippov.kernel.tables.layout import EPS
 
 # Errors of the many steps of a non-Lipschitz field, in tolerances of one.
 GLOBAL = 4.0

@@ -9,7 +9,7 @@ from the rates on both sides. All else is left to the classification.
 from filippov.kernel.language.primitives import Indices, Vector, kernel
 from filippov.kernel.loop.control import finite
 from filippov.kernel.loop.field import project, set_mode
-from filippov.kernel.loop.land import EPS, NO_RATE, guard_scale
+from filippov.kernel.loop.land import NO_RATE, guard_scale
 from filippov.kernel.loop.model import (
     CONTACT,
     RESET_FROM,
@@ -26,6 +26,7 @@ from filippov.kernel.loop.model import (
 from filippov.kernel.loop.resolve import CLEAR_RATE, side_rates
 from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.codes import NONE, RESET, RESETTING, SWITCHING
+from filippov.kernel.tables.layout import EPS
 
 # The error of the time of an event, over |t|.
 INSTANT = 1.42e-14

@@ -11,7 +11,7 @@ from filippov.kernel.loop.control import (
     suspicious,
 )
 from filippov.kernel.loop.field import field
-from filippov.kernel.loop.land import EPS, land, reached_before
+from filippov.kernel.loop.land import land, reached_before
 from filippov.kernel.loop.model import (
     AFFINE,
     CLAMPED,
@@ -46,6 +46,7 @@ from filippov.kernel.tables.codes import (
     UPPER,
     USER_ERROR,
 )
+from filippov.kernel.tables.layout import EPS
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
 SAME_END = 1e-11  # times so close to the end of the run, relative to it, are the end

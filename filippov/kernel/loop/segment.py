@@ -12,7 +12,7 @@ from filippov.kernel.loop.control import (
     mark_grazed,
 )
 from filippov.kernel.loop.field import field, set_mode
-from filippov.kernel.loop.land import EPS, guard_scale
+from filippov.kernel.loop.land import guard_scale
 from filippov.kernel.loop.model import (
     G_COLUMN,
     G_FIRST,
@@ -38,6 +38,7 @@ from filippov.kernel.tables.codes import (
     SWITCHING,
     USER_ERROR,
 )
+from filippov.kernel.tables.layout import EPS
 
 GRAIN = 1e2  # the accuracy of a guard that is followed relative to itself, in roundings of its terms
 IN_TIME = 16.0  # roundings of the terms in t that a guard may have

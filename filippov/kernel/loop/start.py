@@ -1,7 +1,7 @@
 """The mode at an initial state in simple cases: off all surfaces, or on one with decisive rates."""
 
 from filippov.kernel.language.primitives import Indices, Vector, entry, kernel
-from filippov.kernel.loop.land import EPS, guard_scale
+from filippov.kernel.loop.land import guard_scale
 from filippov.kernel.loop.model import (
     G_COLUMN,
     G_FIRST,
@@ -17,9 +17,12 @@ from filippov.kernel.loop.model import (
 from filippov.kernel.loop.resolve import CLEAR_RATE, side_rates
 from filippov.kernel.loop.state import Integers, Scratch, Trajectory
 from filippov.kernel.tables.codes import GENERAL, REACHED, SWITCHING, USER_ERROR
+from filippov.kernel.tables.layout import EPS
 
 # A nudge of a state or of the time by this part of it shows the terms that it has in the field.
 NUDGE = 1e-6
+# Weights of the moves that differ: changes of states that are equal or opposite do not cancel.
+PER_STATE, LATER = 0.37, 0.83
 
 
 @kernel
@@ -75,9 +78,8 @@ def is_rounding(run: Trajectory, t: float, x: Vector, i: int, plus: float, minus
     if not (max(abs(plus), abs(minus)) * abs(clock.t_final - t) <= known):
         return False
     for j in range(N):
-        # Weights that differ: changes of states that are equal or opposite do not cancel.
-        y[j] = x[j] * (1.0 + NUDGE * (1.0 + 0.37 * (j % 5)))
-    later = t * (1.0 + 0.83 * NUDGE)
+        y[j] = x[j] * (1.0 + NUDGE * (1.0 + PER_STATE * (j % 5)))
+    later = t * (1.0 + LATER * NUDGE)
     code, above, below, _ = side_rates(later, y, run.p, run.m, i, w, run.iw, run.ctx)
     least = 64.0 * EPS / NUDGE
     return code == 0 and abs(plus) <= least * abs(above - plus) and abs(minus) <= least * abs(below - minus)

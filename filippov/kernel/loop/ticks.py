@@ -8,7 +8,7 @@ whether the slide lasts. All else is left to the classification (`filippov.solvi
 from filippov.kernel.language.primitives import INF, NAN, Vector, kernel, rint, shift_indices
 from filippov.kernel.loop.control import finite
 from filippov.kernel.loop.field import field, set_mode
-from filippov.kernel.loop.land import EPS, guard_scale
+from filippov.kernel.loop.land import guard_scale
 from filippov.kernel.loop.model import (
     CONTACT,
     G_COLUMN,
@@ -44,6 +44,7 @@ from filippov.kernel.tables.codes import (
     TIME,
     TIME_RESET,
 )
+from filippov.kernel.tables.layout import EPS
 
 # Roundings within which instants are one; an event on a surface belongs to an instant this close to it,
 # relative to the time run.

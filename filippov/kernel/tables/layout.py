@@ -1,8 +1,10 @@
-"""Sizes: trajectories side by side, halvings of a step, signs that are enumerated."""
+"""Sizes: trajectories side by side, halvings of a step, signs that are enumerated; rounding of numbers."""
 
 from typing import Any
 
 SPLITS, CHECKS = 10, 2
+# From 1 to the next number.
+EPS = 2.220446049250313e-16
 MOST_ENUMERATED = 6
 # Trajectories side by side in a lane kernel: two vectors keep a processor busier whose vectors hold 8.
 LANES, MOST_LANES = 8, 16

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from filippov.kernel.loop.start import NUDGE
+from filippov.kernel.loop.start import LATER, NUDGE, PER_STATE
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Array, Machine
 
@@ -121,11 +121,11 @@ class Point:
         key = mode.tobytes()
         if key not in self.moved:
             signs = np.where(mode == 0.0, 1.0, mode)
-            parts = 1.0 + 0.37 * (np.arange(len(self.x)) % 5)  # equal or opposite states do not cancel
+            parts = 1.0 + PER_STATE * (np.arange(len(self.x)) % 5)
             with np.errstate(invalid="ignore", over="ignore"):
                 rates = []
                 for part in (0.0, NUDGE):
-                    t, x = self.t * (1.0 + 0.83 * part), self.x * (1.0 + part * parts)
+                    t, x = self.t * (1.0 + LATER * part), self.x * (1.0 + part * parts)
                     g, gt = self.machine.gradients(t, x, mode)
                     rates.append(_rates(g, self.machine.rhs(t, x, signs, mode), gt))
                 change = np.abs(rates[1] - rates[0]) / NUDGE

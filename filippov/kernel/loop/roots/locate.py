@@ -31,7 +31,6 @@ from filippov.kernel.loop.roots.bernstein import bernstein_value, coefficient_ra
 from filippov.kernel.loop.roots.sampling import (
     CHECK_APART,
     CHECK_FIRST,
-    EPS,
     dense_value,
     guard_noise,
     guard_polynomial,
@@ -40,7 +39,7 @@ from filippov.kernel.loop.roots.sampling import (
 )
 from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.codes import ALONG, KINK, LOWER, NOTHING, OBSERVER, ROOT, TOUCH, UNRESOLVED, UPPER
-from filippov.kernel.tables.layout import CHECKS, SPLITS
+from filippov.kernel.tables.layout import CHECKS, EPS, SPLITS
 from filippov.kernel.tables.root_tables import DEGREE, NO_ROOT, NODES, TANGENT_ROOT, TO_BERNSTEIN
 
 NOISY = 64.0

@@ -34,11 +34,10 @@ from filippov.kernel.loop.roots.points import place_point, point_rows, prepare_p
 from filippov.kernel.loop.rules import UTKIN
 from filippov.kernel.loop.series import has_series, series_dense, series_sample, series_value
 from filippov.kernel.loop.state import Integers, Scratch
-from filippov.kernel.tables.layout import CHECKS, LANES
+from filippov.kernel.tables.layout import CHECKS, EPS, LANES
 from filippov.kernel.tables.root_tables import DEGREE, NODES, POSITION
 
 CHECK_FIRST, CHECK_APART = 0.3137, 0.4218
-EPS = 2.220446049250313e-16
 NEIGHBOUR = 1.2345e-10
 # The same in time: a part of the step, and so many roundings of t at least.
 IN_STEP, BESIDE = 1.2345e-6, 5.0
