@@ -6,6 +6,7 @@ import control
 import numpy as np
 import pytest
 from bank import CASES, case, number
+from scipy.optimize import brentq
 
 from filippov import ModelError, Surface, System, UsageError, solve, states
 from filippov.analysis.harmonic.control_link import linear_plant, relay_loop
@@ -223,3 +224,36 @@ def test_a_prediction_of_none_names_the_amplitudes_that_were_searched(size: floa
         assert str(found).endswith("predicts no limit cycle with A from 0.0001 to 1000.")
     (cycle,) = describing_function(loop, amplitudes=(1e-4 * size, 1e3 * size)).cycles
     assert cycle.amplitude == pytest.approx(4 * size / (60 * np.pi), rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_relays_under_a_bias(seed: int) -> None:
+    """1/((s + a)(s + b)(s + c)) under -sgn(x) + bias, c = 0 in half of them: mean m and A in closed form.
+
+    The mean of sgn(m + A sin) is 2/pi asin(m/A), its gain 4/(pi A) sqrt(1 - m^2/A^2) (Gelb & Vander Velde
+    1968). Beyond the level of the relay nothing balances, or the mean lies outside of the oscillation.
+    """
+    rng = np.random.default_rng([61, seed])
+    a, b, c = *rng.uniform(0.5, 2, 2), rng.uniform(0.5, 2) * (seed % 2)
+    bias = (rng.uniform(0.1, 0.9) if seed % 4 < 2 else rng.uniform(1.2, 4)) * rng.choice([-1, 1])
+    unit = 10.0 ** rng.integers(-3, 3)
+    x, y, z = states("x y z")
+    loop = System({x: y - a * x, y: z - b * y, z: -c * z - unit * sign(x) + unit * bias})
+    found = describing_function(loop, amplitudes=(1e-4 * unit, 1e2 * unit))
+    if abs(bias) > 1:
+        assert not found.cycles
+        assert bool(found.unbalanced) == (c == 0)
+        return
+    gain = (a + b) * (b + c) * (a + c)
+
+    def size(share: float) -> float:
+        return 4 / (math.pi * gain) * math.sqrt(1 - share**2)
+
+    share = brentq(
+        lambda q: a * b * c * q * size(q) + 2 / math.pi * math.asin(q) - bias, -1 + 1e-12, 1 - 1e-12
+    )
+    (cycle,) = found.cycles
+    assert cycle.frequency == pytest.approx(math.sqrt(a * b + b * c + a * c), rel=1e-8)
+    assert cycle.amplitude == pytest.approx(unit * size(share), rel=1e-8)
+    assert cycle.mean == pytest.approx(share * cycle.amplitude, rel=1e-7)
+    assert not found.unbalanced

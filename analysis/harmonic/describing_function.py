@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq, root
+from scipy.optimize import brentq
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.harmonic.quasi_linear import Array, ComplexArray, Lure, lure
@@ -77,12 +77,18 @@ class DescribingFunction(Shown):
     gain: ComplexArray
     neutral: tuple[tuple[float, float], ...] = ()
 
+    @property
+    def unbalanced(self) -> tuple[tuple[float, float], ...]:
+        """(low, high) of amplitudes for which no mean of the input was found that balances constant terms."""
+        return _runs(self.amplitude, [bool(q) for q in np.isnan(self.gain[0])], 1)
+
     def to_dict(self) -> dict[str, Any]:
         """The prediction as plain data."""
         return {
             "surface": self.surface,
             "cycles": [asdict(cycle) | {"period": cycle.period} for cycle in self.cycles],
             "neutral": [list(pair) for pair in self.neutral],
+            "unbalanced": [list(pair) for pair in self.unbalanced],
             "searched": [float(self.amplitude[0]), float(self.amplitude[-1])],
         }
 
@@ -90,6 +96,9 @@ class DescribingFunction(Shown):
         left = "".join(
             f"\n  from A = {a:.6g} to {b:.6g} it does not decide: the growth rate is 0 to rounding"
             for a, b in self.neutral
+        ) + "".join(
+            f"\n  from A = {a:.6g} to {b:.6g} no mean of the input was found that balances the constant terms"
+            for a, b in self.unbalanced
         )
         if not self.cycles:
             within = f"with A from {self.amplitude[0]:.6g} to {self.amplitude[-1]:.6g}"
@@ -165,11 +174,11 @@ def _next_side(value: complex, spectra: Sequence[ComplexArray]) -> tuple[int, in
     return 1, 0
 
 
-def _runs(grid: Array, on: Sequence[bool]) -> tuple[tuple[float, float], ...]:
-    """The ends of two and more neighbours that are on."""
+def _runs(grid: Array, on: Sequence[bool], least: int = 2) -> tuple[tuple[float, float], ...]:
+    """The ends of neighbours that are on, of `least` and more."""
     marks = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
     pairs = zip(marks[::2], marks[1::2] - 1, strict=True)
-    return tuple((float(grid[a]), float(grid[b])) for a, b in pairs if b > a)
+    return tuple((float(grid[a]), float(grid[b])) for a, b in pairs if b > a + least - 2)
 
 
 class _Balance:
@@ -177,33 +186,72 @@ class _Balance:
 
     def __init__(self, split: Lure) -> None:
         self.split = split
-        self.center = np.zeros(len(split.states))
+        # The mean of the input by amplitude; nan where none is found.
+        self.means: dict[float, float] = {}
+        # Rows w with w [A; c] = 0: the states go, and w [phi_0(m); offset - m] = 0 is left for the mean m.
+        whole = np.vstack([split.matrix, split.row])
+        rows = np.max(np.abs(whole), axis=1)
+        rows = np.where(rows > 0, rows, 1.0)
+        columns = np.max(np.abs(whole / rows[:, None]), axis=0, initial=0.0)
+        scaled = whole / rows[:, None] / np.where(columns > 0, columns, 1.0)
+        self.left = linalg.null_space(scaled.T).T / rows
 
     def mean(self, amplitude: float) -> float:
-        """Mean of the input for which the constant terms balance."""
-        split = self.split
+        """Mean of the input for which the constant terms balance; nan where none is found."""
+        if amplitude not in self.means:
+            self.means[amplitude] = self._mean(amplitude)
+        return self.means[amplitude]
 
-        def rest(x: Array) -> Array:
-            mean = float(split.row @ x) + split.offset
-            return np.asarray(split.matrix @ x + split.harmonic(mean, amplitude, 0).real)
+    def _terms(self, mean: float, amplitude: float) -> Array:
+        """What balances, a row for each condition."""
+        constant = self.split.harmonic(mean, amplitude, 0).real
+        return np.asarray(self.left * np.append(constant, self.split.offset - mean))
 
-        start = rest(self.center)
-        if np.max(np.abs(start), initial=0.0) > 1e-12 * (1 + np.max(np.abs(self.center), initial=0.0)):
-            found = root(rest, self.center, method="lm", tol=1e-13)
-            if np.max(np.abs(rest(found.x))) < 1e-8 * (1 + np.max(np.abs(start))):
-                self.center = found.x
-        return float(split.row @ self.center) + split.offset
+    def _balanced(self, mean: float, amplitude: float, part: float) -> bool:
+        """Whether the terms cancel, next to what the constant terms, the wave and the amplitude bring."""
+        terms, wave = self._terms(mean, amplitude), self.split.harmonic(mean, amplitude)
+        sizes = np.abs(terms) + np.abs(self.left * np.append(wave, amplitude))
+        return bool(np.all(np.abs(np.sum(terms, axis=1)) <= part * np.sum(sizes, axis=1)))
+
+    def _mean(self, amplitude: float) -> float:
+        """The mean next to that of the nearest amplitude, as it is and in proportion to it."""
+        guesses = [self.split.offset]
+        known = {size: m for size, m in self.means.items() if np.isfinite(m)}
+        if known:
+            near = min(known, key=lambda size: abs(np.log(size / amplitude)))
+            guesses = [known[near], known[near] * amplitude / near]
+
+        def condition(mean: float) -> float:
+            return float(np.sum(self._terms(mean, amplitude)[0]))
+
+        for guess in guesses:
+            if self._balanced(guess, amplitude, 1e-12):
+                return guess
+        away = amplitude * np.concatenate([np.linspace(0.0, 1.0, 11), np.geomspace(1.2, 1e6, 13)])
+        points = np.unique(np.concatenate([guess + side * away for guess in guesses for side in (-1, 1)]))
+        values = np.array([condition(point) for point in points])
+        found = [
+            float(brentq(condition, points[k], points[k + 1], xtol=1e-15 * amplitude, rtol=1e-14))
+            for k in np.flatnonzero(np.sign(values[:-1]) != np.sign(values[1:]))
+        ]
+        there = [mean for mean in found if self._balanced(mean, amplitude, 1e-8)]
+        return min(there, key=lambda mean: abs(mean - guesses[-1]), default=float("nan"))
 
     def gain(self, amplitude: float) -> ComplexArray:
-        """N(A), shape (n,)."""
-        return self.split.harmonic(self.mean(amplitude), amplitude) / amplitude
+        """N(A), shape (n,); nan without a mean."""
+        mean = self.mean(amplitude)
+        if not np.isfinite(mean):
+            return np.full(len(self.split.states), np.nan, dtype=complex)
+        return self.split.harmonic(mean, amplitude) / amplitude
 
     def matrix(self, amplitude: float) -> ComplexArray:
         """A0 + N(A) c."""
         return self.split.matrix + np.outer(self.gain(amplitude), self.split.row)
 
     def spectrum(self, amplitude: float) -> ComplexArray:
-        """The eigenvalues that oscillate: imaginary part > 0."""
+        """The eigenvalues that oscillate: imaginary part > 0; none without a mean."""
+        if not np.isfinite(self.mean(amplitude)):
+            return np.zeros(0, dtype=complex)
         values = linalg.eigvals(self.matrix(amplitude))
         size = np.max(np.abs(values), initial=0.0)
         return np.asarray(values[values.imag > 1e-9 * size])

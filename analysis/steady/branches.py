@@ -221,13 +221,14 @@ class Elimination:
         """Return the factors that hold unknowns; [] if the equation holds, None if it cannot hold."""
         if _degree(equation) > MOST_DEGREE:
             return self._kept(_monomials(equation))
-        numerator = sympy.fraction(sympy.together(equation))[0]
+        apart, numbers = _numbers_apart(equation)
+        numerator = sympy.fraction(sympy.together(apart))[0]
         try:
             constant, powers = self.clock.within(lambda: sympy.factor_list(numerator))
             factors = [constant, *(factor for factor, _ in powers)]
         except sympy.PolynomialError:
             factors = list(sympy.Mul.make_args(sympy.factor_terms(numerator)))
-        return self._kept(factors)
+        return self._kept([factor.xreplace(numbers) for factor in factors])
 
     def _kept(self, factors: Sequence[Expr]) -> list[Expr] | None:
         kept = []
@@ -258,8 +259,10 @@ class Elimination:
         scaled = equation.subs(unknown, unknown / unit)
         if _exponential_degree(scaled, WAVES) > MOST_DEGREE or _beside_waves(scaled, unknown):
             return None
+        apart, numbers = _numbers_apart(scaled)
         try:
-            roots = [r / unit for r in self.clock.within(lambda: sympy.solve(scaled, unknown), ROOTS)]
+            found = self.clock.within(lambda: sympy.solve(apart, unknown), ROOTS)
+            roots = [r.xreplace(numbers) / unit for r in found]
         except OutOfBudgetError:
             self.clock.check()
             return _of_one_power(equation, unknown)
@@ -316,10 +319,28 @@ def short(expression: Expr) -> Expr:
     """Return a rational expression cancelled and factored, any other as it is."""
     if expression.is_number or expression.is_Symbol or _degree(expression) > MOST_DEGREE:
         return expression
+    apart, numbers = _numbers_apart(expression)
     try:
-        return sympy.factor(sympy.cancel(expression))
+        return sympy.factor(sympy.cancel(apart)).xreplace(numbers)
     except (sympy.PolynomialError, NotImplementedError):
         return expression
+
+
+def _numbers_apart(expression: Expr) -> tuple[Expr, dict[Expr, Expr]]:
+    """exp(c + u) as C exp(u), and the numbers exp(c) of the symbols C.
+
+    Among polynomials exp(139/200) is exp(1/200) to the power 139.
+    """
+    symbols: dict[Expr, Expr] = {}
+
+    def apart(power: Expr) -> Expr:
+        number, rest = power.args[0].expand().as_coeff_Add()
+        if not number.is_Rational or number.is_zero:
+            return power
+        return symbols.setdefault(number, sympy.Dummy("C", positive=True)) * sympy.exp(rest)
+
+    found = expression.replace(lambda q: isinstance(q, sympy.exp), apart)
+    return found, {symbol: sympy.exp(number) for number, symbol in symbols.items()}
 
 
 def _degree(expression: Expr) -> int:
