@@ -134,8 +134,7 @@ def test_outputs_of_the_fmu_are_those_of_the_exact_run(make: Callable[..., Probl
     pytest.importorskip("pythonfmu3")
     problem = make(np.random.default_rng(4))
     solution = solve(problem, rtol=1e-11, atol=1e-13)
-    # A name of its own: all FMUs of a process have one Python, which loads a module once.
-    path = export_system(problem, tmp_path / f"outputs_{make.__name__}.fmu")
+    path = export_system(problem, tmp_path / "outputs.fmu")
     names = list(problem.system.outputs)
     stop = float(problem.t_span[1])
     run = fmpy.simulate_fmu(str(path), stop_time=stop, output_interval=stop / 40, output=names)
@@ -145,3 +144,27 @@ def test_outputs_of_the_fmu_are_those_of_the_exact_run(make: Callable[..., Probl
     for name in names:
         expected = solution.evaluate(name, run["time"][clear])
         assert run[name][clear] == pytest.approx(expected, rel=1e-6, abs=1e-6, nan_ok=True), name
+
+
+def test_fmus_of_one_file_name_stay_apart_in_one_process(tmp_path: Path) -> None:
+    """A half swing from 1.1 ends at mu 2 - 1.1, for either of two plants, that run beside each other."""
+    fmpy = pytest.importorskip("fmpy")
+    pytest.importorskip("pythonfmu3")
+    running, levels = [], (0.1, 0.3)
+    for level in levels:
+        folder = tmp_path / str(level)
+        folder.mkdir()
+        path = str(export_system(System({x: v, v: -x - level * sign(v)}), folder / "plant.fmu", x0=(1.1, 0)))
+        about = fmpy.read_model_description(path)
+        fmu = fmpy.instantiate_fmu(fmpy.extract(path, folder / "out"), about, fmi_type="CoSimulation")
+        fmu.enterInitializationMode(startTime=0.0)
+        fmu.exitInitializationMode()
+        (place,) = (q.valueReference for q in about.modelVariables if q.name == "x")
+        running.append((fmu, place))
+    for fmu, _ in running:
+        fmu.doStep(0.0, np.pi)
+    found = [fmu.getFloat64([place])[0] for fmu, place in running]
+    assert found == pytest.approx([2 * level - 1.1 for level in levels], abs=1e-8)
+    for fmu, _ in running:
+        fmu.terminate()
+        fmu.freeInstance()

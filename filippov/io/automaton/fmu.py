@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import re
 import tempfile
@@ -100,8 +101,10 @@ def write_fmu(
     if not builder.FmuBuilder.has_binary():
         raise ModelError("pythonfmu3 has no library for this platform. Export to Python or C.")
     with tempfile.TemporaryDirectory() as folder:
-        script = Path(folder) / f"{name}_automaton.py"
-        write_whole(script, fmu_script(eq, values, x0, t_span, name))
+        text = fmu_script(eq, values, x0, t_span, name)
+        # A tool that holds several FMUs imports all of their modules into one interpreter, by name.
+        script = Path(folder) / f"{name}_{hashlib.sha256(text.encode()).hexdigest()[:16]}.py"
+        write_whole(script, text)
         made = builder.FmuBuilder.build_FMU(script, dest=folder)
         return write_whole(path, Path(made).read_bytes())
 
