@@ -31,8 +31,8 @@ def looping(t, y):
 
 
 def looked_up(t, y):
-    table = [0.0, 1.0, 4.0]
-    return [table[int(y[0] > 0) + (1 if y[0] > 1 else 0)] - y[0]]  # <5>
+    table = [0.0, 1.0]
+    return [table[y[0] > 0] - y[0]]  # <5>
 
 
 calls = 0
@@ -77,7 +77,7 @@ def unset(t, y):
 
 
 def sorted_state(t, y):
-    return [-sorted(y)[0], 0.0]  # <12>
+    return [-sorted(y, key=abs)[0], 0.0]  # <12>
 
 
 def lagging(t, y):
@@ -94,7 +94,7 @@ def tabled(t, y):
 
 
 def scheduled(t, y):
-    return [bisect.bisect([1.0, 2.0], t) - y[0]]  # <16>
+    return [bisect.bisect([y[0], 2.0], t) - y[0]]  # <16>
 
 
 def pieces(t, y):
@@ -102,7 +102,7 @@ def pieces(t, y):
 
 
 def largest(t, y):
-    return [-float(np.argmax(np.array([y[0], 0.0])))]  # <18>
+    return [-float(np.argsort(np.array([y[0], 0.0]))[0])]  # <18>
 
 
 def matched(t, y):
@@ -113,5 +113,5 @@ def matched(t, y):
             return [1.0]
 
 
-def searched(t, y):
-    return [np.array([0.0, 1.0, 2.0])[np.searchsorted([1.0, 2.0], t)] - y[0]]  # <20>
+def masked(t, y):
+    return [-np.array([y[0], 2.0])[y[0] > np.array([0.0, 1.0])].sum()]  # <20>

@@ -322,13 +322,14 @@ REFUSED = {
         (6, "counting", "it remembers calls"), (7, "named_mode", "it remembers mode, str"),
         (8, "silent", "it returns nothing"), (9, "tried", "try is not followed"),
         (10, "too_few", "1 rates for 2 states"), (11, "unset", "'force' is not set on every path"),
-        (12, "sorted_state", "sorted"), (13, "lagging", "in which it keeps a record"),
+        (12, "sorted_state", "not followed with these arguments"),
+        (13, "lagging", "in which it keeps a record"),
         (14, "counted", "arithmetic with two conditions"),
-        (15, "tabled", "np.interp(u, x, y) is followed"), (16, "scheduled", "write the steps as conditions"),
+        (15, "tabled", "np.interp(u, x, y) is followed"), (16, "scheduled", "in tables of rising numbers"),
         (17, "pieces", "3 functions for 1 condition, expected as many or one more"),
         (18, "largest", "write its cases with if"),
         (19, "matched", "case True asks for Python's own True"),
-        (20, "searched", "write the steps as conditions"),
+        (20, "masked", "a part of an array whose length depends"),
     ],
 )  # fmt: skip
 def test_15_5_what_cannot_be_translated_is_refused_by_line(mark: int, name: str, said: str) -> None:

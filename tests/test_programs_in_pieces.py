@@ -264,7 +264,7 @@ def of_a_whole_number(t, y):
 
 
 def sorted_ones(t, y):
-    return [y[1], np.sort(y)[0]]
+    return [y[1], np.argsort(y)[0]]
 
 
 def wound(t, y):

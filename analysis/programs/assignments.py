@@ -10,6 +10,7 @@ import numpy as np
 import sympy
 from sympy import Symbol
 
+from filippov.analysis.programs.arrays import Chosen, Mask
 from filippov.analysis.programs.calls import Calls
 from filippov.analysis.programs.choice import is_number
 from filippov.analysis.programs.notes import Memory, at
@@ -53,7 +54,9 @@ class Assignments(Calls):
                 self.assign(part.value if isinstance(part, ast.Starred) else part, item)
         elif isinstance(target, ast.Subscript):
             owner, key = self.value(target.value), self.key(target.slice)
-            if isinstance(owner, Outside):
+            if isinstance(key, (Chosen, Mask)):
+                self.set_entry(target, owner, key, value)
+            elif isinstance(owner, Outside):
                 self._remember(target, Place("item", owner.value, key), value)
             elif isinstance(owner, (list, dict, np.ndarray)):
                 owner[key] = value

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import math
 import types
 from collections.abc import Callable, Iterable, Sequence
@@ -13,11 +14,11 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.programs import functions
+from filippov.analysis.programs.arrays import HANDLERS
 from filippov.analysis.programs.choice import as_number, elementwise, expression, is_number
 from filippov.analysis.programs.expressions import Closure, Expressions, Method
 from filippov.analysis.programs.outside import Outside, opened
 from filippov.analysis.programs.source import Source, source_of
-from filippov.analysis.programs.switching import HANDLERS
 from filippov.base.errors import ModelError
 
 # Calls inside each other until a program counts as too long.
@@ -164,7 +165,7 @@ class Calls(Expressions):
         if function in functions.SILENT:
             return None
         if function in functions.SWITCHING:
-            return HANDLERS[functions.SWITCHING[function]](self, node, *args, **named)
+            return self._handled(node, functions.SWITCHING[function], args, named)
         if function in functions.SMOOTH and not named:
             return elementwise(lambda *v: self._smooth(node, function, *v), *args)
         if function in functions.BUILDING:
@@ -174,6 +175,14 @@ class Calls(Expressions):
             out = function(*self._lowered(numbers), **named)
             return np.asarray(out, dtype=object) if isinstance(out, np.ndarray) else out
         raise self.fail(node, functions.not_followed(function))
+
+    def _handled(self, node: ast.AST, name: str, args: list[Any], named: dict[str, Any]) -> Any:
+        handler = HANDLERS[name]
+        try:
+            inspect.signature(handler).bind(self, node, *args, **named)
+        except TypeError as error:
+            raise self.fail(node, f"it is not followed with these arguments: {error}") from None
+        return handler(self, node, *args, **named)
 
     def _smooth(self, node: ast.AST, function: Any, *values: Any) -> Any:
         values = tuple(as_number(v) for v in values)
@@ -237,9 +246,13 @@ class Calls(Expressions):
             "any": "any_of",
             "all": "all_of",
             "clip": "clip",
+            "argmax": "place_of_largest",
+            "argmin": "place_of_least",
+            "std": "deviation",
+            "var": "variance",
         }
         if name in over:
-            return HANDLERS[over[name]](self, node, owner, *args, **named)
+            return self._handled(node, over[name], [owner, *args], named)
         if isinstance(owner, list) and name in {"append", "extend"}:
             getattr(owner, name)(*args)
             return None

@@ -29,6 +29,13 @@ class Nothing:
         self.why = why
 
 
+class Choice:
+    """One of two texts, as a condition decides."""
+
+    def __init__(self, condition: Any, yes: Any, no: Any) -> None:
+        self.condition, self.yes, self.no = condition, yes, no
+
+
 def is_number(value: Any) -> bool:
     """Whether a value is a plain number (True and False are some)."""
     return isinstance(value, (bool, np.bool_, *NUMBERS))
@@ -119,7 +126,10 @@ class Flags:
             return {key: self.choose(condition, yes[key], no[key], memo) for key in yes}
         if _is_value(yes) and _is_value(no):
             return self._value(condition, yes, no)
-        return yes if type(yes) is type(no) and _equal(yes, no) else Nothing("path")
+        if type(yes) is type(no) and _equal(yes, no):
+            return yes
+        texts = all(isinstance(value, (str, Choice)) for value in (yes, no))
+        return Choice(condition, yes, no) if texts else Nothing("path")
 
     def _both(self, condition: Any, yes: Any, no: Any, memo: dict[tuple[int, int], Any]) -> Any:
         if len(yes) != len(no):

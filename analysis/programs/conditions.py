@@ -11,7 +11,15 @@ import numpy as np
 import sympy
 from sympy import And, Expr, Not, Or
 
-from filippov.analysis.programs.choice import Nothing, as_number, expression, is_condition, is_number, plain
+from filippov.analysis.programs.choice import (
+    Choice,
+    Nothing,
+    as_number,
+    expression,
+    is_condition,
+    is_number,
+    plain,
+)
 from filippov.analysis.programs.notes import ReadingError, Site, at
 from filippov.analysis.programs.outside import Outside, Parameters
 from filippov.analysis.programs.source import Source
@@ -29,7 +37,7 @@ CORNERS: tuple[Any, ...] = (sympy.Abs, sympy.Max, sympy.Min)
 MOST_STEPS = 12
 
 
-def _cases(atom: Any) -> tuple[Any, Any, Any]:
+def cases_of(atom: Any) -> tuple[Any, Any, Any]:
     """(h, the value where h > 0, the value where h < 0)."""
     first, *rest = atom.args
     if isinstance(atom, Select):
@@ -94,6 +102,9 @@ class Conditions(Switching):
             return self.truth(node, value.ravel()[0])
         if isinstance(value, (str, list, tuple, dict, Outside)):
             return bool(value.value) if isinstance(value, Outside) else bool(value)
+        if isinstance(value, Choice):
+            sides = (self.truth(node, part) for part in (value.yes, value.no))
+            return self.flags.choose(value.condition, *sides)
         if isinstance(value, Nothing):
             raise self.fail(node, "a condition on what not every path sets")
         if isinstance(value, np.ndarray):
@@ -103,6 +114,13 @@ class Conditions(Switching):
     def compare(self, node: ast.AST, how: str, a: Any, b: Any) -> Any:
         """A comparison of two values."""
         a, b = plain(a), plain(b)
+        for one, other in ((a, b), (b, a)):
+            if isinstance(one, Choice):
+                sides = (
+                    self.compare(node, how, *((part, other) if one is a else (other, part)))
+                    for part in (one.yes, one.no)
+                )
+                return self.flags.choose(one.condition, *sides)
         if all(isinstance(v, (bool, str, type(None), list, tuple, dict)) for v in (a, b)):
             return bool(_PLAIN[how](a, b))
         if isinstance(a, str) or isinstance(b, str) or a is None or b is None:
@@ -148,7 +166,7 @@ class Conditions(Switching):
         found = sorted(difference.atoms(*STEPS), key=sympy.default_sort_key)
         if not found or depth >= MOST_STEPS:
             return None
-        h, yes, no = _cases(found[0])
+        h, yes, no = cases_of(found[0])
         parts = [
             self._stepped(node, how, sympy.expand(difference.xreplace({found[0]: value})), depth + 1)
             for value in (yes, no)
@@ -168,7 +186,7 @@ class Conditions(Switching):
             return False
         if depth >= MOST_STEPS:
             raise self.fail(node, f"an equality of what has more than {MOST_STEPS} cases")
-        h, yes, no = _cases(found[0])
+        h, yes, no = cases_of(found[0])
         first, second = (
             self._equal(node, sympy.expand(difference.xreplace({found[0]: value})), depth + 1)
             for value in (yes, no)

@@ -12,7 +12,9 @@ import numpy as np
 import sympy
 from sympy import And, Expr, Not, Or
 
+from filippov.analysis.programs.arrays import Arrays, Chosen, Mask
 from filippov.analysis.programs.choice import (
+    Choice,
     Nothing,
     as_number,
     elementwise,
@@ -20,7 +22,6 @@ from filippov.analysis.programs.choice import (
     is_number,
     plain,
 )
-from filippov.analysis.programs.conditions import Conditions
 from filippov.analysis.programs.notes import Memory, Site
 from filippov.analysis.programs.outside import Outside, Parameters, opened
 from filippov.analysis.programs.source import Source
@@ -57,7 +58,7 @@ class Method:
         self.owner, self.name = owner, name
 
 
-class Expressions(Conditions):
+class Expressions(Arrays):
     """Part of the reader: values of expressions in the present state of the program."""
 
     parameters: Parameters
@@ -158,6 +159,12 @@ class Expressions(Conditions):
     def _Subscript(self, node: ast.Subscript) -> Any:
         owner, key = self.value(node.value), self.key(node.slice)
         label = self.source.text(node)
+        if isinstance(owner, Outside) and isinstance(key, (Chosen, Mask)):
+            if id(owner.value) in self.logs or any(id(owner.value) == place[0] for place in self.memories):
+                raise self.fail(node, f"it reads {owner.label}, which it changes, where the state says")
+            owner = opened(owner, self.parameters)
+        if isinstance(key, (Chosen, Mask)):
+            return self.entry(node, owner, key)
         if isinstance(owner, Outside):
             if id(owner.value) in self.logs:
                 raise self.fail(
@@ -185,14 +192,27 @@ class Expressions(Conditions):
             ends = [None if part is None else self.key(part) for part in (node.lower, node.upper, node.step)]
             return slice(*ends)
         if isinstance(node, ast.Tuple):
-            return tuple(self.key(part) for part in node.elts)
-        found = self.value(node)
+            parts = tuple(self.key(part) for part in node.elts)
+            if any(isinstance(part, (Chosen, Mask)) for part in parts):
+                raise self.fail(node, "an index that depends on the state chooses; write it with conditions")
+            return parts
+        found = opened(self.value(node), self.parameters)
         if isinstance(found, (str, slice, bool, type(None), type(...))):
             return found
+        if isinstance(found, (list, np.ndarray)):
+            entries = [plain(part) for part in np.ravel(np.asarray(found, dtype=object)).tolist()]
+            if all(isinstance(part, (bool, np.bool_)) for part in entries):
+                return np.array(found, dtype=bool)
+            wholes = [self.whole_number(node, part) for part in entries]
+            if None not in wholes:
+                return np.array(wholes, dtype=int).reshape(np.shape(found))
+            return Mask(np.asarray(found, dtype=object))
+        if isinstance(found, Nothing):
+            raise self.fail(node, "an index that not every path sets")
+        if isinstance(found, Choice):
+            return Chosen(found)
         whole = self.whole_number(node, found)
-        if whole is None:
-            raise self.fail(node, "an index that depends on the state chooses; write it with conditions")
-        return whole
+        return Chosen(found) if whole is None else whole
 
     def whole_number(self, node: ast.AST, value: Any) -> int | None:
         """The value as a whole number, None where the state decides."""
@@ -211,6 +231,9 @@ class Expressions(Conditions):
 
     def _Tuple(self, node: ast.Tuple) -> Any:
         return tuple(self._elements(node.elts))
+
+    def _Set(self, node: ast.Set) -> Any:
+        return tuple(dict.fromkeys(self._elements(node.elts)))
 
     def _List(self, node: ast.List) -> Any:
         return self._elements(node.elts)

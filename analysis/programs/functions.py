@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import builtins
 import math
 import operator
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import sympy
+from numpy import linalg
 
 from filippov.base.elementary import ELEMENTARY
 
@@ -71,7 +73,11 @@ SWITCHING: dict[Any, str] = {
     math.isclose: "close",
     np.isclose: "close", np.allclose: "close", np.piecewise: "piecewise", np.vdot: "inner",
     np.amax: "largest", np.amin: "least", np.nan_to_num: "finite", builtins.divmod: "divided_and_rest",
-    np.divmod: "divided_and_rest",
+    np.divmod: "divided_and_rest", np.argmax: "place_of_largest", np.argmin: "place_of_least",
+    builtins.sorted: "in_order", np.sort: "sorted_array", np.median: "middle", np.ptp: "extent",
+    np.var: "variance", np.std: "deviation", np.searchsorted: "place_in", np.digitize: "bin_of",
+    bisect.bisect: "place_right", bisect.bisect_left: "place_left",
+    linalg.solve: "solved", linalg.inv: "inverse", linalg.det: "determinant", np.einsum: "summed",
 }  # fmt: skip
 
 # Those that put values together or take them apart: done by themselves, on arrays of objects.
@@ -80,7 +86,7 @@ BUILDING = {
     np.append, np.ravel, np.reshape, np.transpose, np.dot, np.matmul, np.inner, np.outer, np.cross,
     np.diff, np.roll, np.flip, np.cumsum, np.prod, np.mean, np.squeeze, np.copy, np.diag, np.tile,
     np.repeat, np.zeros_like,
-    np.empty_like, np.ones_like, np.full, np.full_like, np.trace,
+    np.empty_like, np.ones_like, np.kron, np.tensordot, np.full, np.full_like, np.trace,
     builtins.list, builtins.tuple, builtins.len, builtins.range, builtins.zip, builtins.enumerate,
     builtins.reversed, builtins.dict,
 }  # fmt: skip
@@ -90,12 +96,10 @@ METHODS = {"copy", "flatten", "ravel", "reshape", "dot", "tolist", "transpose", 
 SILENT = {builtins.print}
 # What to write in place of some that are not followed.
 _CASES = "write its cases with if"
-_STEPS = "write the steps as conditions on it, or with np.interp"
 _INTERPOLATION = "np.interp(u, x, y) is followed"
 INSTEAD = {
     "square": "np.where(t % T < T/2, 1, -1) is followed", "sawtooth": "t % T is followed",
-    **dict.fromkeys(("argmax", "argmin", "sort", "sorted", "argsort", "median", "unwrap"), _CASES),
-    **dict.fromkeys(("searchsorted", "digitize", "bisect", "bisect_left", "bisect_right"), _STEPS),
+    **dict.fromkeys(("argsort", "unwrap", "percentile", "quantile", "unique"), _CASES),
     **dict.fromkeys(
         ("interp1d", "make_interp_spline", "CubicSpline", "PchipInterpolator", "Akima1DInterpolator",
          "BSpline", "UnivariateSpline", "InterpolatedUnivariateSpline", "splev"), _INTERPOLATION,

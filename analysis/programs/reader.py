@@ -21,6 +21,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.programs import automaton
+from filippov.analysis.programs.arrays import Mask
 from filippov.analysis.programs.assignments import Again
 from filippov.analysis.programs.calls import Live
 from filippov.analysis.programs.choice import Flags, Nothing, copied, expression, is_condition, is_number
@@ -210,6 +211,9 @@ class Reader(Matching):
                 if _leaves(node):
                     return self.cases(node, lambda c: self.block(c.body, following, loop), following)
                 self.cases(node, lambda c: self.block(c.body, _nothing), _nothing)
+            elif isinstance(node, ast.With):
+                self._unheard(node)
+                return self.block(node.body, following, loop)
             elif isinstance(node, (ast.For, ast.While)):
                 return self._loop(node, following)
             else:
@@ -248,6 +252,14 @@ class Reader(Matching):
             number += 1
         return done()
 
+    def _unheard(self, node: ast.With) -> None:
+        """Let a `with` pass that keeps numpy's warnings quiet."""
+        for item in node.items:
+            call = item.context_expr
+            quiet = isinstance(call, ast.Call) and self.value(call.func) is np.errstate
+            if not quiet or item.optional_vars is not None:
+                raise self.fail(node, "with is followed for np.errstate(...) only")
+
     def _simple(self, node: ast.stmt) -> None:
         if isinstance(node, ast.Assign):
             value = self.value(node.value)
@@ -282,6 +294,15 @@ class Reader(Matching):
             else ast.Attribute(target.value, target.attr, ast.Load()) if isinstance(target, ast.Attribute)
             else ast.Subscript(target.value, target.slice, ast.Load()), target,
         )  # fmt: skip
+        if isinstance(target, ast.Subscript) and isinstance(key := self.key(target.slice), Mask):
+            owner = self.value(target.value)
+            more = self.value(node.value)
+            fits = isinstance(owner, np.ndarray) and np.shape(owner) == np.shape(key.held)
+            if not fits or np.ndim(more) != 0:
+                raise self.fail(target, "an index of conditions is for one number and their own array")
+            new = self.binary(node, node.op, owner, more)
+            owner[...] = self.where(node, key.held, new, owner)
+            return
         old = self.value(load)
         new = self.binary(node, node.op, old, self.value(node.value))
         if isinstance(old, np.ndarray):  # in place: all names of the array see it

@@ -58,6 +58,10 @@ class Switching:
         """The value of a call."""
         raise NotImplementedError
 
+    def split(self, value: Any, function: Callable[[float], Any]) -> Any:
+        """A function of what takes finitely many values; None where it takes others."""
+        raise NotImplementedError
+
     def fail(self, node: ast.AST, message: str) -> ReadingError:
         """The error that names the line."""
         raise NotImplementedError
@@ -332,9 +336,15 @@ class Switching:
             raise self.fail(node, f"np.vdot of {len(first)} and {len(second)} entries")
         return sum(as_number(u) * as_number(v) for u, v in zip(first, second, strict=True))
 
-    def norm(self, node: ast.AST, values: Any) -> Any:
-        """The Euclidean norm."""
-        items = [as_number(v) for v in np.ravel(values)]
+    def norm(self, node: ast.AST, values: Any, ord: Any = None) -> Any:  # noqa: A002  (numpy's word)
+        """The Euclidean norm of all entries, or of a vector the sum or the largest of the sizes."""
+        items = [as_number(v) for v in np.ravel(np.asarray(values, dtype=object)).tolist()]
+        kind = None if ord is None else self.fixed(ord)
+        if ord is not None and (kind not in {1.0, 2.0, math.inf} or np.ndim(values) != 1):
+            raise self.fail(node, "a norm is followed for vectors, of order 1, 2 or inf")
+        if kind in {1.0, math.inf}:
+            sizes = [self.magnitude(node, v) for v in items]
+            return sum(sizes) if kind == 1.0 else self.largest(node, *sizes)
         if len(items) == 1:
             return self.magnitude(node, items[0])
         return sympy.sqrt(sum(v**2 for v in items))
@@ -390,17 +400,21 @@ class Switching:
             return int(value)
         if is_condition(value) or value in self.flags.symbols:
             return as_number(value)
-        return self.divided(node, value, 1)
+        steps = self.split(value, math.trunc)
+        return self.divided(node, value, 1) if steps is None else steps
 
     def nearest(self, node: ast.AST, value: Any, *digits: Any) -> Any:
         """The nearest whole number."""
         if digits:
             raise self.fail(node, f"rounding to digits gives {QUANTISED}")
-        return self.divided(node, value + sympy.Rational(1, 2), 1)
+        steps = self.split(value, round)
+        return self.divided(node, value + sympy.Rational(1, 2), 1) if steps is None else steps
 
     def fmod(self, node: ast.AST, a: Any, b: Any) -> Any:
         """The rest with the sign of a: for time, that of %."""
-        return self.mod(node, a, b)
+        modulus = self.fixed(b)
+        steps = self.split(as_number(a), lambda q: math.fmod(q, modulus)) if modulus else None
+        return self.mod(node, a, b) if steps is None else steps
 
     def _step(self, node: ast.AST, kind: str, a: Any, b: Any) -> Any:
         a, b = as_number(a), as_number(b)
@@ -412,6 +426,10 @@ class Switching:
         of_clock = self._step_of_clock(node, kind, expression(a), modulus)
         if of_clock is not None:
             return of_clock
+        if modulus:
+            steps = self.split(a, lambda q: q % modulus if kind == "mod" else q // modulus)
+            if steps is not None:
+                return steps
         rate = expression(a).diff(self.time)
         speed = self.fixed(rate)
         offset = expression(a).subs(self.time, 0)
