@@ -1,6 +1,7 @@
 """Programs that choose by an index, a word, an order or a mask, and those that solve for their rates."""
 
 import math
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -80,8 +81,42 @@ def by_solving(t, y):
     return np.linalg.solve(mass, force)
 
 
-SAME = [by_key, by_condition, by_place, by_word, by_word_of_a_helper, by_largest, by_table, by_mask, by_norm,
-        by_solving]  # fmt: skip
+class Way(Enum):
+    AHEAD = 1
+    BACK = -1
+
+
+def by_member(t, y):
+    x, v = y
+    way = Way.AHEAD if v > 0 else Way.BACK
+    match way:
+        case Way.AHEAD:
+            level = 0.3
+        case Way.BACK:
+            level = -0.3
+    return np.r_[v, -x - (level if way is not Way.BACK else -0.3)]
+
+
+class Body:
+    level = 0.15
+
+    def friction(self, v):
+        return self.level * np.sign(v)
+
+
+class Heavy(Body):
+    def friction(self, v):
+        return 2 * super().friction(v)
+
+    def rates(self, t, y):
+        x, v = map(np.float64, np.split(y, 2))
+        return np.r_[v, -x - self.friction(v)]
+
+
+SAME = [
+    by_member, Heavy().rates, by_key, by_condition, by_place, by_word, by_word_of_a_helper, by_largest,
+    by_table, by_mask, by_norm, by_solving,
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("program", SAME)
@@ -161,9 +196,20 @@ def endless(t, y):
     return [-[0.1, 0.2][min(1, int(abs(y[0])))], 0, 0, 0]
 
 
+def into_an_array(t, y):
+    out = np.zeros(4)
+    np.multiply(y, -1, out=out)
+    return out
+
+
+def out_of_reach(t, y):
+    return [math.sqrt(-2.0) * y[0], 0, 0, 0]
+
+
 @pytest.mark.parametrize(
     ("program", "said"),
-    [(along_an_axis, "these arguments"), (of_many, "at most 4"), (singular, "singular"),
+    [(into_an_array, "out= is not followed"), (out_of_reach, "ValueError"),
+     (along_an_axis, "these arguments"), (of_many, "at most 4"), (singular, "singular"),
      (spectral, "order 1, 2 or inf"), (endless, "steps without end")],
 )  # fmt: skip
 def test_15_5_what_has_no_rule_is_refused_by_name(program: Any, said: str) -> None:

@@ -13,12 +13,8 @@ from sympy import Symbol
 from filippov.analysis.programs.arrays import Chosen, Mask
 from filippov.analysis.programs.calls import Calls
 from filippov.analysis.programs.choice import is_number
-from filippov.analysis.programs.notes import Memory, at
+from filippov.analysis.programs.notes import Again, Memory, at
 from filippov.analysis.programs.outside import Outside
-
-
-class Again(Exception):  # noqa: N818
-    """The program remembers more than was known when the reading began."""
 
 
 @dataclass(frozen=True)

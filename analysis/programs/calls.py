@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import builtins
 import inspect
 import math
 import types
@@ -139,6 +140,8 @@ class Calls(Expressions):
     def _Call(self, node: ast.Call) -> Any:
         if isinstance(node.func, ast.Name) and node.func.id == "print":
             return None
+        if isinstance(node.func, ast.Name) and node.func.id == "super" and not node.args:
+            return self._above(node)
         function = self.value(node.func)
         args = self._elements(node.args)
         named: dict[str, Any] = {}
@@ -154,14 +157,34 @@ class Calls(Expressions):
             return self._method(node, function, args, named)
         return self.call(node, function, args, named)
 
+    def _above(self, node: ast.AST) -> Outside:
+        """super() in a method: its object, seen from the class above that of the method."""
+        first = next(iter(self.frames[self.scopes[-1]].values()), None)
+        try:
+            own = self.source.outside("__class__")
+        except (KeyError, ValueError):
+            own = None
+        if own is None or not isinstance(first, Outside):
+            raise self.fail(node, "super() is followed in methods only")
+        return Outside(super(own, first.value), "super()")
+
+    def mapped(self, node: ast.AST, function: Any, *values: Any) -> list[Any]:
+        """map(...), as a list."""
+        rows = zip(*(self.items(node, value) for value in values), strict=False)
+        return [self.call(node, function, list(row), {}) for row in rows]
+
     def library(self, node: ast.AST, function: Any, args: list[Any], named: dict[str, Any]) -> Any:
         """A call of a function of Python, math or numpy."""
         if functions.is_unsteady(function):
             raise self.fail(
                 node, "it gives another value at each call: such a field has no solution to compare with"
             )
+        if function is builtins.map:
+            return self.mapped(node, *args)
+        if "out" in named:
+            raise self.fail(node, "out= is not followed; assign what the function gives")
         args = [opened(a, self.parameters) for a in args]
-        named = {k: opened(v, self.parameters) for k, v in named.items() if k not in {"dtype", "out"}}
+        named = {k: opened(v, self.parameters) for k, v in named.items() if k != "dtype"}
         if function in functions.SILENT:
             return None
         if function in functions.SWITCHING:

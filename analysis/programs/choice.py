@@ -6,6 +6,7 @@ array of values. An array is one of numpy with objects in it.
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Callable
 from typing import Any
 
@@ -30,7 +31,7 @@ class Nothing:
 
 
 class Choice:
-    """One of two texts, as a condition decides."""
+    """One of two words (texts or members of an enumeration), as a condition decides."""
 
     def __init__(self, condition: Any, yes: Any, no: Any) -> None:
         self.condition, self.yes, self.no = condition, yes, no
@@ -128,8 +129,8 @@ class Flags:
             return self._value(condition, yes, no)
         if type(yes) is type(no) and _equal(yes, no):
             return yes
-        texts = all(isinstance(value, (str, Choice)) for value in (yes, no))
-        return Choice(condition, yes, no) if texts else Nothing("path")
+        words = all(isinstance(value, (str, enum.Enum, Choice)) for value in (yes, no))
+        return Choice(condition, yes, no) if words else Nothing("path")
 
     def _both(self, condition: Any, yes: Any, no: Any, memo: dict[tuple[int, int], Any]) -> Any:
         if len(yes) != len(no):

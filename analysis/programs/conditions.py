@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import enum
 import operator
 from collections.abc import Callable
 from typing import Any
@@ -121,9 +122,9 @@ class Conditions(Switching):
                     for part in (one.yes, one.no)
                 )
                 return self.flags.choose(one.condition, *sides)
-        if all(isinstance(v, (bool, str, type(None), list, tuple, dict)) for v in (a, b)):
+        if all(isinstance(v, (bool, str, enum.Enum, type(None), list, tuple, dict)) for v in (a, b)):
             return bool(_PLAIN[how](a, b))
-        if isinstance(a, str) or isinstance(b, str) or a is None or b is None:
+        if any(isinstance(v, (str, enum.Enum)) or v is None for v in (a, b)):
             if how in {"==", "!="}:
                 return how == "!="
             raise self.fail(node, "a comparison with something that is no number")

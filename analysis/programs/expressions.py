@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import enum
 import operator
 import types
 from collections.abc import Callable, Iterable, Sequence
@@ -22,7 +23,7 @@ from filippov.analysis.programs.choice import (
     is_number,
     plain,
 )
-from filippov.analysis.programs.notes import Memory, Site
+from filippov.analysis.programs.notes import Again, Memory, ReadingError, Site
 from filippov.analysis.programs.outside import Outside, Parameters, opened
 from filippov.analysis.programs.source import Source
 
@@ -85,7 +86,12 @@ class Expressions(Arrays):
         method = getattr(self, f"_{type(node).__name__}", None)
         if method is None:
             raise self.fail(node, f"{type(node).__name__} is not followed")
-        return method(node)
+        try:
+            return method(node)
+        except (ReadingError, Again):
+            raise
+        except Exception as error:  # noqa: BLE001  (numbers of the program go through any function)
+            raise self.fail(node, f"{type(error).__name__}: {str(error).rstrip('.')}") from None
 
     def _Constant(self, node: ast.Constant) -> Any:
         if isinstance(node.value, complex):
@@ -157,7 +163,10 @@ class Expressions(Arrays):
         return found if isinstance(found, types.MethodType) else self.parameters.inside(found, label)
 
     def _Subscript(self, node: ast.Subscript) -> Any:
-        owner, key = self.value(node.value), self.key(node.slice)
+        owner = self.value(node.value)
+        if owner is np.r_:
+            return self._row(node)
+        key = self.key(node.slice)
         label = self.source.text(node)
         if isinstance(owner, Outside) and isinstance(key, (Chosen, Mask)):
             if id(owner.value) in self.logs or any(id(owner.value) == place[0] for place in self.memories):
@@ -186,6 +195,14 @@ class Expressions(Arrays):
         except (KeyError, IndexError, TypeError) as error:
             raise self.fail(node, f"{type(error).__name__}: {error}") from None
 
+    def _row(self, node: ast.Subscript) -> Any:
+        """np.r_[...] of numbers and arrays."""
+        parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        if any(isinstance(part, (ast.Slice, ast.Constant)) for part in parts):
+            raise self.fail(node, "np.r_ is followed for arrays and names; write np.concatenate")
+        values = [opened(self.value(part), self.parameters) for part in parts]
+        return np.concatenate([np.asarray(value, dtype=object).reshape(-1) for value in values])
+
     def key(self, node: ast.expr) -> Any:
         """An index, a slice or a tuple of them, in whole numbers; the key of a dict."""
         if isinstance(node, ast.Slice):
@@ -197,7 +214,7 @@ class Expressions(Arrays):
                 raise self.fail(node, "an index that depends on the state chooses; write it with conditions")
             return parts
         found = opened(self.value(node), self.parameters)
-        if isinstance(found, (str, slice, bool, type(None), type(...))):
+        if isinstance(found, (str, enum.Enum, slice, bool, type(None), type(...))):
             return found
         if isinstance(found, (list, np.ndarray)):
             entries = [plain(part) for part in np.ravel(np.asarray(found, dtype=object)).tolist()]
@@ -379,6 +396,8 @@ class Expressions(Arrays):
         if isinstance(op, (ast.Is, ast.IsNot)):
             if isinstance(b, bool) and a in self.flags.symbols:
                 return a if b == isinstance(op, ast.Is) else Not(a)
+            if isinstance(a, Choice) or isinstance(b, Choice):
+                return self.compare(node, "==" if isinstance(op, ast.Is) else "!=", a, b)
             same = a is b or (isinstance(a, (bool, str)) and type(a) is type(b) and a == b)
             return same == isinstance(op, ast.Is)
         if isinstance(op, (ast.In, ast.NotIn)):

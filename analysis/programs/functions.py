@@ -86,7 +86,8 @@ BUILDING = {
     np.append, np.ravel, np.reshape, np.transpose, np.dot, np.matmul, np.inner, np.outer, np.cross,
     np.diff, np.roll, np.flip, np.cumsum, np.prod, np.mean, np.squeeze, np.copy, np.diag, np.tile,
     np.repeat, np.zeros_like,
-    np.empty_like, np.ones_like, np.kron, np.tensordot, np.full, np.full_like, np.trace,
+    np.empty_like, np.ones_like, np.full, np.full_like, np.trace, np.kron, np.tensordot, np.split,
+    np.array_split,
     builtins.list, builtins.tuple, builtins.len, builtins.range, builtins.zip, builtins.enumerate,
     builtins.reversed, builtins.dict,
 }  # fmt: skip

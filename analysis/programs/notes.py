@@ -19,6 +19,10 @@ class ReadingError(ModelError):
         self.line = line
 
 
+class Again(Exception):  # noqa: N818
+    """The program remembers more than was known when the reading began."""
+
+
 @dataclass(frozen=True)
 class Site:
     """A place in the source where the program switches.

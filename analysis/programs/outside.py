@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 import keyword
 import math
 from collections.abc import Mapping
@@ -74,6 +75,8 @@ class Parameters:
         """A live value as one of the reader: numbers as symbols, containers and objects as they are."""
         if isinstance(value, (bool, np.bool_)):
             return bool(value)
+        if isinstance(value, enum.Enum):
+            return value
         if is_number(value):
             return self.symbol(label, value)
         if value is None or isinstance(value, (str, sympy.Basic)) or callable(value):

@@ -18,16 +18,15 @@ from typing import Any
 
 import numpy as np
 import sympy
-from sympy import Expr, Symbol
+from sympy import Expr, Not, Symbol
 
 from filippov.analysis.programs import automaton
 from filippov.analysis.programs.arrays import Mask
-from filippov.analysis.programs.assignments import Again
 from filippov.analysis.programs.calls import Live
 from filippov.analysis.programs.choice import Flags, Nothing, copied, expression, is_condition, is_number
 from filippov.analysis.programs.expressions import Closure
 from filippov.analysis.programs.matching import Matching
-from filippov.analysis.programs.notes import Clock, Memory, ReadingError, Site, at
+from filippov.analysis.programs.notes import Again, Clock, Memory, ReadingError, Site, at
 from filippov.analysis.programs.outside import Parameters, opened
 from filippov.analysis.programs.source import Source, source_of
 
@@ -85,6 +84,7 @@ class Reader(Matching):
         self._statements, self.depth, self.entered = 0, 0, 0
         self.sources: dict[Any, Source] = {}
         self.logs = logs
+        self.assumed: dict[Any, bool] = {}  # conditions of the path that is gone
 
     def read(self) -> Reading:
         """Follow the program. Raises ReadingError, which names the line."""
@@ -150,12 +150,17 @@ class Reader(Matching):
 
     def forked(self, condition: Any, yes: Then, no: Then) -> Any:
         """Follow both sides of a condition; the value is what they give, the state what they leave."""
+        if condition in self.assumed:
+            return yes() if self.assumed[condition] else no()
         frames, remembered = self._kept()
-        scopes = self.scopes
+        scopes, assumed = self.scopes, self.assumed
+        self.assumed = {**assumed, condition: True, Not(condition): False}
         first = yes()
         after, memory = self.frames, self.remembered
         self.frames, self.remembered, self.scopes = frames, remembered, scopes
+        self.assumed = {**assumed, condition: False, Not(condition): True}
         second = no()
+        self.assumed = assumed
         memo: dict[tuple[int, int], Any] = {}
         out = self.flags.choose(condition, first, second, memo)
         nothing = Nothing("path")
