@@ -15,7 +15,7 @@ an error function that has both values to rounding, in place of the published ha
 kinks there, which would be surfaces. Element i of N = 3 carries 1/N of the level; z its force over the static
 level, c its memory, 0 stuck, +-1 slipping:
 
-    z' = (1 - c^2) h/(i w) + (c/N - c^2 z/g)/tau,   |z| = g/N: c = sgn z,   h = 0: c = 0
+    z' = (1 - c^2) h/(i w) + (c/N - c^2 z/g)/tau,   |z| = 1/N: c = sgn z,   h = 0: z = c/N if c != 0, c = 0
 
 q(u) = u (2 - |u|) within |u| <= 1, then sgn u. Sliding steadily each gives f0 + f1(|h|) sgn(h) (bengisu-akay:
 with the curve moved by w); at h = 0 the stiffness of dahl, lugre and elasto-plastic is f1(0)/w, that of
@@ -64,6 +64,7 @@ class Part:
     """What a model is made of: the surface's name, the sliding velocity, the law's f0, f1, g, its numbers.
 
     f0, f1      one expression per state; f1 and g as functions of |h|
+    rest        f1 at h = 0
     lag, dwell  of seven-parameter
     """
 
@@ -71,6 +72,7 @@ class Part:
     h: Expr
     f0: tuple[Expr, ...]
     f1: Callable[[Expr], tuple[Expr, ...]]
+    rest: tuple[Expr, ...]
     g: Callable[[Expr], Expr]
     width: Expr
     tau: Expr | None
@@ -81,9 +83,13 @@ class Part:
         """f0 + f1(speed) s."""
         return tuple(a + b * s for a, b in zip(self.f0, self.f1(speed), strict=True))
 
+    def with_static(self, s: Expr) -> tuple[Expr, ...]:
+        """f0 + f1(0) s."""
+        return tuple(a + b * s for a, b in zip(self.f0, self.rest, strict=True))
+
     def held(self, z: Expr, rate: Expr) -> tuple[Expr, ...]:
         """The field with a deflection and its damping."""
-        return self.with_force((z + self.tau * rate) / self.width, sympy.S.Zero)
+        return self.with_static((z + self.tau * rate) / self.width)
 
 
 class Made(NamedTuple):
@@ -130,17 +136,21 @@ def maxwell_slip(part: Part, z: tuple[Symbol, ...]) -> Made:
         (1 - c**2) * part.h / (i * part.width) + (share * c - c**2 * force / level) / part.tau
         for i, (force, c) in enumerate(zip(forces, memories, strict=True), 1)
     ]
-    turns = dict.fromkeys(memories, sympy.S.Zero)
+    # What slips lags behind its level, and is above it at a stop where the level falls with the speed. It
+    # stands at the static level from there on: a level that falls as h leaves 0 would be passed at once.
+    turns = dict.fromkeys(memories, sympy.S.Zero) | {
+        force: (1 - c**2) * force + share * c for force, c in zip(forces, memories, strict=True)
+    }
     surfaces = [Surface(part.name, part.h, reset=turns, side="both", contact=False)]
     for i, (force, c) in enumerate(zip(forces, memories, strict=True), 1):
-        over = force / (share * level)
+        over = force / share
         # What slips has no level to reach; tanh(20) is 1 to rounding.
-        reached = over**2 - 1 - SLIPS * c**2
+        reached = over**2 - 1 - SMALL - SLIPS * c**2
         slips = {c: tanh(20 * over)}
         surfaces.append(
             Surface(f"{part.name}:slips{i}", reached, reset=slips, side="-", contact=False)
         )
-    field = part.with_force(sum(forces, sympy.S.Zero), sympy.S.Zero)
+    field = part.with_static(sum(forces, sympy.S.Zero))
     return Made(field, (*rates, *(sympy.S.Zero for _ in memories)), tuple(surfaces))
 
 
@@ -160,7 +170,7 @@ def seven_parameter(part: Part, z: tuple[Symbol, ...]) -> Made:
     slip = fallen + left
     stuck = 1 - c**2
     held = stuck * (spring + part.tau * part.h / part.width)
-    field = part.with_force(c * (slip + rising(Abs(part.h))) + held, sympy.S.Zero)
+    field = part.with_static(c * (slip + rising(Abs(part.h))) + held)
     follows = c**2 * (part.h - lagged) / part.lag
     rates = (stuck * part.h / part.width, sympy.S.Zero, follows, sympy.S.Zero, stuck)
     stop = {

@@ -69,9 +69,16 @@ def with_friction_model(
         tau = _tau(name, h, rest, form.x, w)
     if model != "seven-parameter" and not (lag is None and dwell is None):
         raise ModelError(f"lag and dwell are times of seven-parameter, which {model} does not have.")
+    if model == "memory" and any(q.free_symbols & h.free_symbols & set(form.x) for q in f1):
+        raise ModelError(
+            f"surface {name!r}: the level of friction holds a state of h = {h} that is not in its size, and "
+            "memory lags the sliding speed. Write the curve in abs(h)."
+        )
     times = [tau if q is None else _positive(q, what) for q, what in ((lag, "lag"), (dwell, "dwell"))]
+    if model in DAMPED:
+        _one_curve(name, f1, rest, j)
     part = Part(
-        name, h, f0, lambda speed: tuple(q.xreplace({a: speed}) for q in f1),
+        name, h, f0, lambda speed: tuple(q.xreplace({a: speed}) for q in f1), tuple(rest),
         lambda speed: (f1[j] / rest[j]).xreplace({a: speed}), w, tau, *times,
     )  # fmt: skip
     make, count = MODELS[model]
@@ -92,6 +99,15 @@ def with_friction_model(
         parameters=namespace, time_events=system.time_events,
         labels={name: text for name, text in system.labels.items() if name not in gone}, outputs=outputs,
     )  # fmt: skip
+
+
+def _one_curve(name: str, f1: Sequence[Expr], rest: Sequence[Expr], j: int) -> None:
+    """Raise ModelError where equations have their friction from different curves."""
+    if any(sympy.simplify(q * rest[j] - f1[j] * level) != 0 for q, level in zip(f1, rest, strict=True)):
+        raise ModelError(
+            f"surface {name!r}: the friction has another curve in one equation than in another, and these "
+            "models have one. Take dahl or bengisu-akay."
+        )
 
 
 def _of_speed(f: Expr, h: Expr, a: Symbol, x: Sequence[Symbol]) -> Expr:
@@ -168,4 +184,5 @@ def _positive(value: Any, what: str) -> Expr:
 
 
 def _word(name: str) -> str:
-    return "".join(c if c.isalnum() else "_" for c in name).strip("_") or "z"
+    word = "".join(c if c.isalnum() else "_" for c in name).strip("_")
+    return word if word.isidentifier() else f"z_{word}".rstrip("_")
