@@ -28,6 +28,7 @@ from sympy.logic.boolalg import ITE, And, Not, Or, Xor
 
 from filippov.base.errors import ModelError
 from filippov.model.check import check_expression
+from filippov.model.directions import with_signs
 from filippov.model.size import Scale
 from filippov.model.surface import Surface
 from filippov.model.symbolic import Select
@@ -112,6 +113,7 @@ class Extractor:
         return self._memo[key]
 
     def _convert(self, expr: Expr, context: Context, path: Path) -> Expr:
+        expr = with_signs(expr) if isinstance(expr, Mul) and context != "reset" else expr
         if isinstance(expr, sign):
             return self._split(self.convert(expr.args[0], "h", path), path, self._sign)
         if context == "jump" and isinstance(expr, (Abs, Max, Min)):
