@@ -166,7 +166,17 @@ def masked(t, y):
     return rates[[1, 0, 3, 2]]
 
 
-@pytest.mark.parametrize("program", [double_pendulum, ordered, placed, worded, masked])
+def beyond(t, y):
+    """What is 0 in a whole part of the states counts as >= 0, and not as > 0."""
+    gap = 0.0 if abs(y[0]) < 0.5 else y[0] - 0.5 * np.sign(y[0])
+    pull = 1.0 if gap >= 0 else -2.0
+    push = y[1] if gap > 0 else 0.25
+    over = max(abs(y[1]) - 0.5, 0.0)
+    rest = np.sign(over) - np.sign(abs(y[2]) + y[2]) + (2.0 if over <= min(y[3], 0.0) else 0.0)
+    return [pull, push, -1.0 if gap < 0 else 3.0, math.copysign(0.5, gap) + rest]
+
+
+@pytest.mark.parametrize("program", [beyond, double_pendulum, ordered, placed, worded, masked])
 def test_15_5_what_is_chosen_is_what_the_program_gives(program: Any) -> None:
     """At random states, by calls of the program itself."""
     translation = translate(read_program(program, 4), (0.1, 0.2, 0.3, 0.4), (0.0, 5.0))

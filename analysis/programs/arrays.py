@@ -25,7 +25,7 @@ from filippov.analysis.programs.choice import (
     is_condition,
     is_number,
 )
-from filippov.analysis.programs.conditions import MOST_STEPS, STEPS, Conditions, cases_of
+from filippov.analysis.programs.conditions import MOST_STEPS, Conditions, cases_of
 from filippov.analysis.programs.switching import HANDLERS as SWITCHES
 
 # Leaves of an index, entries that are put in order, and unknowns of equations that hold symbols.
@@ -83,9 +83,7 @@ class Arrays(Conditions):
             condition = flags[0]
             sides = [value.xreplace({condition: sympy.Integer(k)}) for k in (1, 0)]
         else:
-            found = value.atoms(*STEPS)
-            inner = {q for atom in found for part in atom.args for q in part.atoms(*STEPS)}
-            outer = sorted(found - inner, key=sympy.default_sort_key)
+            outer = self._outer(value)
             if not outer:
                 return None
             h, *both = cases_of(outer[0])

@@ -36,6 +36,8 @@ _PLAIN: dict[str, Callable[[Any, Any], bool]] = {
 STEPS: tuple[Any, ...] = (Select, sympy.sign, sympy.Heaviside)
 CORNERS: tuple[Any, ...] = (sympy.Abs, sympy.Max, sympy.Min)
 MOST_STEPS = 12
+# Of these, in one comparison, that are looked through for a part of the states where it is 0.
+MOST_CORNERS = 6
 
 
 def cases_of(atom: Any) -> tuple[Any, Any, Any]:
@@ -144,10 +146,11 @@ class Conditions(Switching):
         if how in {"==", "!="}:
             held = self._equal(node, difference, 0)
             return plain(Not(held)) if how == "!=" else held
-        if difference.has(*STEPS):
-            decided = self._stepped(node, how, difference, 0)
-            if decided is not None:
-                return decided
+        decided = self._stepped(node, how, difference, 0) if difference.has(*STEPS) else None
+        if decided is None and self.rests(difference):
+            decided = self._by_case(node, how, difference)
+        if decided is not None:
+            return decided
         held = plain(_SYMPY[how](a, b, evaluate=False))
         if not isinstance(held, bool):
             self.site(node, "if", a - b)
@@ -175,6 +178,33 @@ class Conditions(Switching):
         if None in parts:
             return None
         return _joined(h, *parts)
+
+    def rests(self, difference: Any, depth: int = 0) -> bool:
+        """Whether a difference is 0 in a whole part of the states: there no sign says which side counts."""
+        found = self._outer(difference, (*STEPS, *CORNERS))
+        if not found or depth >= MOST_CORNERS:
+            return depth > 0 and self.fixed(sympy.expand(difference)) == 0.0
+        _, *sides = cases_of(found[0])
+        return any(self.rests(difference.xreplace({found[0]: value}), depth + 1) for value in sides)
+
+    def _by_case(self, node: ast.AST, how: str, difference: Any) -> Any:
+        """A comparison with 0 in each case of a difference by itself."""
+        found = self._outer(difference, (*STEPS, *CORNERS))
+        number = None if found else self.fixed(sympy.expand(difference))
+        if number is not None:
+            return bool(_PLAIN[how](number, 0.0))
+        if not found:
+            self.site(node, "if", difference)
+            return plain(_SYMPY[how](difference, 0, evaluate=False))
+        h, yes, no = cases_of(found[0])
+        return _joined(h, *(self._by_case(node, how, difference.xreplace({found[0]: q})) for q in (yes, no)))
+
+    @staticmethod
+    def _outer(value: Any, kinds: tuple[Any, ...] = STEPS) -> list[Any]:
+        """The steps of a value that are in no other step."""
+        found = value.atoms(*kinds)
+        inner = {q for atom in found for part in atom.args for q in part.atoms(*kinds)}
+        return sorted(found - inner, key=sympy.default_sort_key)
 
     def _equal(self, node: ast.AST, difference: Any, depth: int) -> Any:
         """Where a difference is 0 in a whole part of the states; on a surface alone counts as never."""

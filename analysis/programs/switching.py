@@ -58,6 +58,10 @@ class Switching:
         """The value of a call."""
         raise NotImplementedError
 
+    def rests(self, difference: Any) -> bool:
+        """Whether a difference is 0 in a whole part of the states."""
+        raise NotImplementedError
+
     def split(self, value: Any, function: Callable[[float], Any]) -> Any:
         """A function of what takes finitely many values; None where it takes others."""
         raise NotImplementedError
@@ -80,6 +84,9 @@ class Switching:
             if is_number(x):
                 return float(np.sign(x))
             self.site(node, "sign", x)
+            if self.rests(x):
+                below = self.flags.choose(self.compare(node, "<", x, 0), -1, 0)
+                return self.flags.choose(self.compare(node, ">", x, 0), 1, below)
             half = self.half_step(x)
             return sign(x) if half is None else (sign(x - half) + sign(x + half)) / 2
 
@@ -103,9 +110,7 @@ class Switching:
             number = self.fixed(b)
             if number is not None:
                 turn: Any = math.copysign(1.0, number)
-            elif isinstance(b, Expr) and b.has(
-                Select
-            ):  # which may be 0 on one side, and 0 counts as positive
+            elif isinstance(b, Expr) and (b.has(Select) or self.rests(b)):  # where 0 counts as positive
                 turn = self.flags.choose(self.compare(node, "<", b, 0), -1, 1)
             else:
                 turn = self.sign(node, b)
