@@ -172,7 +172,8 @@ def test_compare_hands_over_and_writes(
             "karnopp": {"alpha": (5.0,)},
         }
         rows = [{"model": "switch", "error": float("nan")}, {"model": "karnopp", "calls": 3}]
-        return SimpleNamespace(rows=rows, to_text=lambda: "the table", plot=plt.figure)
+        told = {"parameters": options["parameters"], "rows": rows}
+        return SimpleNamespace(rows=rows, to_dict=lambda: told, to_text=lambda: "the table", plot=plt.figure)
 
     fake(monkeypatch, "filippov.analysis.comparisons.comparison", compare=compare)
     words = ["compare", "hunting", *SECTION, "-p", "P=20", "--widths", "1e-2,1e-4", "--alphas", "5"]

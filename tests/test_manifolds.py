@@ -249,7 +249,8 @@ def test_12_13_manifold_command(tmp_path: Path, capsys: pytest.CaptureFixture[st
     (tmp_path / "mine.py").write_text(
         "from filippov import System, states\nx, v = states('x v')\nduffing = System({x: v, v: x - x**3})\n"
     )
-    run = ["manifold", f"{tmp_path}/mine.py:duffing", "--x0", "x=0,v=0", "--length", "2", "--json", "--quiet"]
+    run = ["manifold", f"{tmp_path}/mine.py:duffing", "--x0", "x=0,v=0", "--length", "2", "--json", "--quiet",
+           "--side", "both"]  # fmt: skip
     assert main([*run, "-o", str(tmp_path / "out")]) == 0
     found = json.loads(capsys.readouterr().out)["manifolds"]
     assert [one["side"] for one in found] == ["unstable", "stable"]

@@ -141,6 +141,15 @@ class Branch(Shown, Answering):
     def __str__(self) -> str:
         return "\n".join([f"{len(self.points)} points; {self.message}", *map(str, self.special)])
 
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data. A point has its coordinates under "coordinates" and, where its other columns leave the
+        name free, also as columns."""
+        return {
+            "parameter": self.parameter, "parameters": dict(self.parameters), "kind": self.kind,
+            "message": self.message, "special": [_told(point) for point in self.special],
+            "points": [_told(point) for point in self.points],
+        }  # fmt: skip
+
     def plot(self, **options: Any) -> Any:
         """The branch over the parameter (see `filippov.plot.branch.plot_branches`)."""
         from filippov.plot.branch import plot_branches
@@ -176,6 +185,15 @@ class Branch(Shown, Answering):
         span = f"{self.values.min():.6g} ... {self.values.max():.6g}" if self.points else "empty"
         named = ", ".join(f"{q.special} at {q.value:.9g}" for q in self.special)
         return f"Branch({self.parameter} = {span}, {len(self.points)} points{'; ' + named if named else ''})"
+
+
+def _told(point: BranchPoint) -> dict[str, Any]:
+    coordinates = dict(point.coordinates)
+    return coordinates | {
+        "special": point.special, "value": point.value, "stable": point.stable, "verdict": point.verdict,
+        "word": point.word, "period": point.period, "note": point.note, "predicts": point.predicts,
+        "coefficients": dict(point.coefficients), "coordinates": coordinates,
+    }  # fmt: skip
 
 
 def _out(point: BranchPoint) -> dict[str, Any]:

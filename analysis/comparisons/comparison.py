@@ -127,7 +127,9 @@ def compare_sections(
                 rows.append(row)
     if progress is not None:
         progress(total, total)
-    return Comparison(tuple(rows), section.coordinate, tuple(run.d.tolist()), run.points, rtol)
+    return Comparison(
+        tuple(rows), section.coordinate, tuple(run.d.tolist()), run.points, rtol, run.parameters
+    )
 
 
 def _width(value: float) -> float:

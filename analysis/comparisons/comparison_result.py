@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from filippov.base.json_text import json_text
+from filippov.base.json_text import finite, json_text
 from filippov.base.names import Answering
 from filippov.base.shown import Shown
 
@@ -61,7 +61,7 @@ class Comparison(Shown, Answering):
                  fixed_points, note;
                  None where there is no value
     coordinate   name of the section's coordinate; coordinates: the d compared
-    points       the exact fixed points
+    points       the exact fixed points; parameters: values by name, of the exact system
     """
 
     rows: tuple[dict[str, Any], ...]
@@ -69,6 +69,7 @@ class Comparison(Shown, Answering):
     coordinates: tuple[float, ...]
     points: tuple[Any, ...]
     rtol: float
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def trends(self) -> tuple[Trend, ...]:
@@ -156,8 +157,8 @@ class Comparison(Shown, Answering):
         lines += [trend.sentence for trend in self.trends]
         return "\n".join(lines) + "\n"
 
-    def to_json(self) -> str:
-        """Rows and trends."""
+    def to_dict(self) -> dict[str, Any]:
+        """Rows and trends, as JSON takes them."""
         trends = [
             {
                 "model": trend.model, **trend.options, "quantity": trend.quantity, "order": trend.order,
@@ -165,7 +166,15 @@ class Comparison(Shown, Answering):
             }
             for trend in self.trends
         ]  # fmt: skip
-        return json_text({"rows": list(self.rows), "trends": trends}, indent=2)
+        return {
+            "parameters": dict(self.parameters), "coordinate": str(self.coordinate),
+            "coordinates": list(self.coordinates), "fixed_points": [q.to_dict() for q in self.points],
+            "rtol": self.rtol, "rows": [dict(row) for row in self.rows], "trends": trends,
+        }  # fmt: skip
+
+    def to_json(self) -> str:
+        """The same as text."""
+        return json_text(finite(self.to_dict()), indent=2)
 
     def plot(self, **options: Any) -> Any:
         """Differences and work over the width (see `filippov.plot.comparison`)."""

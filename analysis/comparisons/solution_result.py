@@ -160,7 +160,9 @@ class SolutionComparison(Shown, Answering):
 
     def to_dict(self) -> dict[str, Any]:
         """Rows, trends, faults and widths needed, as JSON takes them."""
+        problem = self.exact.problem
         return {
+            "parameters": dict(problem.parameters), "x0": problem.x0.tolist(), "t_span": list(problem.t_span),
             "rows": [dict(row) for row in self.rows],
             "trends": [
                 {"model": q.model, "quantity": q.quantity, "order": q.order, "vanishes": q.vanishes,

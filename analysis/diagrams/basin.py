@@ -8,7 +8,7 @@ approach its attractor. States that do not reach the section within t_max are la
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,7 @@ class Basin(Shown):
                 largest
     d           coordinate of the first event, NaN without one
     complete    False where the computation was interrupted
+    parameters  values by name
     """
 
     names: tuple[str, str]
@@ -54,6 +55,7 @@ class Basin(Shown):
     attractors: tuple[float, ...]
     d: Array
     complete: bool = True
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def shares(self) -> dict[str, float]:
@@ -72,7 +74,8 @@ class Basin(Shown):
     def to_dict(self) -> dict[str, Any]:
         """What it is and the shares, without the arrays."""
         return {
-            "names": list(self.names), "at": self.at, "attractors": list(self.attractors),
+            "parameters": dict(self.parameters), "names": list(self.names), "at": self.at,
+            "attractors": list(self.attractors),
             "shares": self.shares, "shape": list(self.label.shape), "complete": self.complete,
         }  # fmt: skip
 
@@ -156,8 +159,9 @@ def basin(
     shape = (up.size, across.size)
     rest_of = {name: others.get(name, 0.0) for name in system.states if name not in (x[0], y[0])}
     return Basin(
-        (x[0], y[0]), across, up, rest_of, label.reshape(shape), attractors, d.reshape(shape), complete
-    )
+        (x[0], y[0]), across, up, rest_of, label.reshape(shape), attractors, d.reshape(shape), complete,
+        system.parameters.others(parameters),
+    )  # fmt: skip
 
 
 def _by_engine(

@@ -104,7 +104,10 @@ def bifurcation(
         *_set_changes(base, parameter, ordered, found, interval),
     ]
     special += _doublings(base, parameter, branches)
-    return Diagram(parameter, tuple(ordered), tuple(found), tuple(branches), tuple(special))
+    return Diagram(
+        parameter, tuple(ordered), tuple(found), tuple(branches), tuple(special),
+        system.parameters.others(parameters, (parameter,)), (float(interval[0]), float(interval[1])), section,
+    )  # fmt: skip
 
 
 def _joined(values: Sequence[float], found: Sequence[tuple[FixedPoint, ...]]) -> list[DiagramBranch]:

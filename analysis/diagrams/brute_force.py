@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,7 @@ class BruteForce(Shown):
     complete False where it was interrupted
     notes    for each value, of a solution without a parametrisation, why it did not return so often; "" where
              it did
+    section    where the iterates are read; parameters: the values of all others
     """
 
     parameter: str
@@ -45,6 +46,16 @@ class BruteForce(Shown):
     period: npt.NDArray[np.int64]
     complete: bool = True
     notes: tuple[str, ...] = ()
+    section: Section | Stroboscope | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "parameter": self.parameter, "parameters": dict(self.parameters), "values": self.values.tolist(),
+            "d": self.d.tolist(), "period": self.period.tolist(), "complete": self.complete,
+            "section": None if self.section is None else self.section.to_dict(), "notes": list(self.notes),
+        }  # fmt: skip
 
     def __str__(self) -> str:
         lines = []
@@ -118,7 +129,8 @@ def brute_force(
                     progress(done, total)
     except KeyboardInterrupt:
         complete = False
-    return BruteForce(parameter, grid, d, _periods(d), complete)
+    others = system.parameters.others(parameters, (parameter,))
+    return BruteForce(parameter, grid, d, _periods(d), complete, (), section, others)
 
 
 def first_section(
@@ -165,7 +177,8 @@ def _along_solutions(
                 progress(k + 1, grid.size)
     except KeyboardInterrupt:
         complete = False
-    return BruteForce(parameter, grid, d, _periods(d), complete, tuple(notes))
+    others = system.parameters.others(parameters, (parameter,))
+    return BruteForce(parameter, grid, d, _periods(d), complete, tuple(notes), section, others)
 
 
 def _same_phase(

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.maps.fixed_points import FixedPoint
+from filippov.analysis.maps.section import Section
+from filippov.analysis.maps.stroboscope import Stroboscope
 from filippov.base.errors import UsageError
 from filippov.base.shown import Shown
 
@@ -59,6 +63,9 @@ class Diagram(Shown):
     parameter, values  what was varied
     points             fixed points of each value
     branches           the same, joined; special: folds and changes of stability
+    parameters         the values of all others
+    interval           of the coordinate that was searched; None where orbits were followed
+    section            where the coordinates are read
     """
 
     parameter: str
@@ -66,6 +73,27 @@ class Diagram(Shown):
     points: tuple[tuple[FixedPoint, ...], ...]
     branches: tuple[DiagramBranch, ...]
     special: tuple[Special, ...] = field(default=())
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    interval: tuple[float, float] | None = None
+    section: Section | Stroboscope | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, without the branches."""
+        return {
+            "parameter": self.parameter, "parameters": dict(self.parameters),
+            "interval": None if self.interval is None else list(self.interval),
+            "section": None if self.section is None else self.section.to_dict(),
+            "values": [
+                {"value": float(value), "fixed_points": [point.to_dict() for point in found]}
+                for value, found in zip(self.values, self.points, strict=True)
+            ],
+            "folds": [{self.parameter: value, "d": d} for value, d in self.folds],
+            "stability_changes": [{self.parameter: value} for value in self.stability_changes],
+            "special": [
+                {"kind": q.kind, "value": float(q.value), "d": float(q.d), "residual": float(q.residual),
+                 "note": q.note} for q in self.special
+            ],
+        }  # fmt: skip
 
     @property
     def folds(self) -> list[tuple[float, float]]:

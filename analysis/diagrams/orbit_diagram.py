@@ -38,12 +38,14 @@ _POINTS_EACH = 20
 class OrbitDiagram(Diagram):
     """A bifurcation diagram of orbits; `values` are those of the points that the continuation took.
 
-    section   where the coordinates are read
     messages  how each branch ended, and what else was found
     """
 
-    section: Section | Stroboscope | None = None
     messages: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, without the branches."""
+        return super().to_dict() | {"messages": list(self.messages)}
 
     def _told(self) -> list[str]:
         return [*super()._told(), *self.messages]
@@ -145,7 +147,9 @@ def _diagram(
         values += [value for value, _ in part]
         points += [read for _, read in part]
     return OrbitDiagram(
-        parameter, tuple(values), tuple(points), tuple(branches), tuple(special), section, tuple(messages)
+        parameter, tuple(values), tuple(points), tuple(branches), tuple(special),
+        {k: v for k, v in runs[0].branch.parameters.items() if k != parameter}, None, section,
+        tuple(messages),
     )
 
 

@@ -50,6 +50,7 @@ class Regions(Shown):
     lost           share of the coordinates whose solution does not return within t_max
     borders        (name, points (k, 2)) of curves that bound the regions
     complete       False where the computation was interrupted
+    parameters     the values of all others
     """
 
     names: tuple[str, str]
@@ -142,6 +143,7 @@ def regions(
     if isinstance(borders, str) and borders != "exact":
         raise UsageError(f"borders is {borders!r}, expected 'exact' or curves (name, points (k, 2)).")
     across, up = np.asarray(x[1], dtype=float), np.asarray(y[1], dtype=float)
+    others = system.parameters.others(parameters, (x[0], y[0]))
 
     def curves(amplitude: Array) -> tuple[tuple[str, Array], ...]:
         if not isinstance(borders, str):
@@ -162,7 +164,7 @@ def regions(
         count = [np.where(np.isnan(part), -1, part).astype(np.int64) for part in found[:4]]
         return Regions(
             (x[0], y[0]), across, up, count[0], count[1], count[2], _VERDICTS[count[3]], found[4], found[5],
-            curves(found[4]) if table.complete else (), table.complete, dict(parameters or {}),
+            curves(found[4]) if table.complete else (), table.complete, others,
         )  # fmt: skip
     cycles, stable, undecided, beside = (np.full(shape, -1) for _ in range(4))
     amplitude, lost = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -183,6 +185,5 @@ def regions(
         complete = False
     return Regions(
         (x[0], y[0]), across, up, cycles, stable, undecided, _VERDICTS[beside], amplitude, lost,
-        curves(amplitude) if complete else (), complete,
-        dict(parameters or {}),
+        curves(amplitude) if complete else (), complete, others,
     )  # fmt: skip

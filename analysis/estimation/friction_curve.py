@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +11,13 @@ import sympy
 from scipy.optimize import least_squares
 
 from filippov.analysis.estimation.driven_run import INPUT
-from filippov.analysis.estimation.identification import Identified, check_names, estimate, parameter_bounds
+from filippov.analysis.estimation.identification import (
+    Identified,
+    check_names,
+    estimate,
+    given_values,
+    parameter_bounds,
+)
 from filippov.analysis.estimation.record import Curve
 from filippov.base.errors import UsageError
 from filippov.base.given import Values
@@ -87,7 +94,8 @@ def identify_curve(
     assert best is not None
     residual = misfit(best.x)
     order = np.argsort(v)
-    return estimate(
+    found = estimate(
         names, best.x, residual, best.jac, level, v[order], friction[order], (friction - residual)[order],
         bool(best.success), str(best.message),
     )  # fmt: skip
+    return replace(found, fixed=given_values(fixed))

@@ -16,7 +16,7 @@ variables); Giesbrecht & Burns 1985 (degrees of freedom).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -54,6 +54,7 @@ class Identified(Shown):
                  sample
     tests        p of each test of the residuals, by what they must not depend on
     refused      the sentence that refuses the law, "" where it stands; errors and intervals are then infinite
+    fixed        values that were given
     """
 
     values: dict[str, float]
@@ -72,6 +73,7 @@ class Identified(Shown):
     rho: float = 0.0
     tests: dict[str, float] = field(default_factory=dict)
     refused: str = ""
+    fixed: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def residual(self) -> Array:
@@ -81,7 +83,7 @@ class Identified(Shown):
     def to_dict(self) -> dict[str, Any]:
         """The estimate as plain data."""
         return {
-            "values": self.values, "errors": self.errors,
+            "fixed": dict(self.fixed), "values": self.values, "errors": self.errors,
             "intervals": {name: list(pair) for name, pair in self.intervals.items()},
             "covariance": self.covariance.tolist(), "level": self.level, "sigma": self.sigma,
             "degrees": self.degrees, "success": self.success, "message": self.message, "hold": self.hold,
@@ -164,7 +166,7 @@ def identify(
             again = attempt(other)
             if again[0].success and again[0].noise.log > fit.noise.log:
                 (fit, tests), kind = again, other
-    return _identified(names, fit, tests, kind, level, record)
+    return replace(_identified(names, fit, tests, kind, level, record), fixed=given_values(fixed))
 
 
 def _identified(
@@ -196,6 +198,11 @@ def _identified(
         fit.success and not refused, refused or fit.message, hold, noise.rho,
         {q.name: q.p for q in tests}, refused,
     )  # fmt: skip
+
+
+def given_values(fixed: Values | None) -> dict[str, float]:
+    """Values by name as plain numbers."""
+    return {name: float(value) for name, value in dict(fixed or {}).items()}
 
 
 def parameter_bounds(system: System, names: Sequence[str]) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ gain may be multiplied or divided by any factor up to s, in any combination, wit
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,7 @@ class Tuning(Shown):
     reason     why there is none, "" where there is one
     lost       share of the samples with a solution that did not return within t_max; they count as cycles
     complete   False where the search was interrupted
+    parameters the values of all others; ranges: of the gains; band: sets of values that all have to be free
     """
 
     names: tuple[str, ...]
@@ -72,10 +73,15 @@ class Tuning(Shown):
     reason: str
     lost: float
     complete: bool = True
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    band: tuple[Mapping[str, float], ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The answer as plain data, without the samples."""
         return {
+            "parameters": dict(self.parameters), "ranges": {k: list(v) for k, v in self.ranges.items()},
+            "band": [dict(values) for values in self.band],
             "best": self.best, "margin": self.margin, "best_ratio": self.best_ratio, "share": self.share,
             "limits": [asdict(limit) for limit in self.limits], "reason": self.reason, "lost": self.lost,
             "samples": len(self.ratio), "complete": self.complete,
@@ -140,10 +146,14 @@ def tune(
     share = float(np.mean(ratio[sampled] < 1)) if ratio.size else 0.0
     if best is None and ratio.size and np.any(ratio < 1):
         best = known[int(np.argmin(ratio))]
+    told = (
+        complete, system.parameters.others(parameters, search.names),
+        {name: (float(low), float(high)) for name, (low, high) in ranges.items()}, tuple(map(dict, band)),
+    )  # fmt: skip
     if best is None:
         return Tuning(
             search.names, np.exp(known), ratio, None, 1.0, float(np.min(ratio, initial=np.inf)), (), 0.0,
-            search.reason(), search.lost, complete,
+            search.reason(), search.lost, *told,
         )  # fmt: skip
     limits: tuple[GainLimit, ...] = ()
     if complete:
@@ -151,7 +161,7 @@ def tune(
     return Tuning(
         search.names, np.exp(known), ratio,
         dict(zip(search.names, np.exp(best).tolist(), strict=True)), float(np.exp(margin)),
-        float(search.ratios(best[None, :])[0]), limits, share, "", search.lost, complete,
+        float(search.ratios(best[None, :])[0]), limits, share, "", search.lost, *told,
     )  # fmt: skip
 
 

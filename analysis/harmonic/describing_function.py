@@ -12,7 +12,7 @@ Armstrong-Helouvry & Amin 1996 and Olsson 1995.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -66,6 +66,7 @@ class DescribingFunction(Shown):
     gain       N(A) of each equation, shape (n, k)
     neutral    (low, high) of amplitudes at all of which an oscillating eigenvalue lies on the axis to
                rounding: closed orbits beside each other, or none, which harmonic balance does not decide
+    parameters values by name
     """
 
     states: tuple[str, ...]
@@ -76,6 +77,7 @@ class DescribingFunction(Shown):
     frequency: Array
     gain: ComplexArray
     neutral: tuple[tuple[float, float], ...] = ()
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def unbalanced(self) -> tuple[tuple[float, float], ...]:
@@ -85,7 +87,7 @@ class DescribingFunction(Shown):
     def to_dict(self) -> dict[str, Any]:
         """The prediction as plain data."""
         return {
-            "surface": self.surface,
+            "parameters": dict(self.parameters), "surface": self.surface,
             "cycles": [asdict(cycle) | {"period": cycle.period} for cycle in self.cycles],
             "neutral": [list(pair) for pair in self.neutral],
             "unbalanced": [list(pair) for pair in self.unbalanced],
@@ -155,7 +157,10 @@ def describing_function(
             top = values[np.argmax(values.real)]
             growth[k], frequency[k] = top.real, top.imag
     neutral = _runs(grid, [bool(np.any(_sides(values) == 0)) for values in spectra])
-    return DescribingFunction(system.states, surface, tuple(cycles), grid, growth, frequency, gain, neutral)
+    return DescribingFunction(
+        system.states, surface, tuple(cycles), grid, growth, frequency, gain, neutral,
+        system.parameters.others(parameters),
+    )  # fmt: skip
 
 
 def _sides(values: ComplexArray) -> npt.NDArray[np.int64]:

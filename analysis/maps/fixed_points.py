@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -69,6 +69,15 @@ class FixedPoint(Shown):
     note: str = ""
     hidden: float = 0.0
     rests: tuple[float, float] | None = field(default=None, repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "d": float(self.d), "kind": self.kind, "slope": float(self.slope), "stable": bool(self.stable),
+            "verdict": self.verdict, "residual": float(self.residual), "period": float(self.period),
+            "note": self.note, "hidden": float(self.hidden),
+            "rests": None if self.rests is None else [float(v) for v in self.rests],
+        }  # fmt: skip
 
     def apart(self, d: float) -> float:
         """How far a coordinate is from it; 0 on an interval of rests."""

@@ -93,6 +93,11 @@ class Section:
         """The event, or events, of which one is the return."""
         return self.stops[0] if len(self.stops) == 1 else self.stops
 
+    def to_dict(self) -> dict[str, Any]:
+        """Where it is and what is read there, as plain data."""
+        return {"surface": self.surface, "kind": self.kind, "coordinate": str(self.coordinate),
+                "after": self.after}  # fmt: skip
+
     def bind(self, system: System) -> BoundSection:
         """The section on a system: names checked, parametrisation and derivative compiled to numpy."""
         names = system.surface_names

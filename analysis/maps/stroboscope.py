@@ -51,6 +51,12 @@ class Stroboscope(Shown):
             raise UsageError(unknown("time event", self.clock, names))
         return Period(system, self.period)
 
+    def to_dict(self) -> dict[str, Any]:
+        """When states are looked at and what is read, as plain data; period is null where it is found."""
+        number = isinstance(self.period, int | float)
+        period = self.period if number or self.period is None else str(self.period)
+        return {"period": period, "clock": self.clock, "coordinate": str(self.coordinate)}
+
     def __str__(self) -> str:
         return f"once a period{f', after {self.clock!r}' if self.clock else ''}"
 

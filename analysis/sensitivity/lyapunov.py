@@ -9,7 +9,7 @@ Source for the events: Mueller 1995 (saltation in Lyapunov exponents); Leine & N
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,7 @@ class Lyapunov(Shown):
     t, running times and the exponents estimated up to them, (r,), (r, k): whether they have settled
     skipped    intervals left out because the solution grazes a surface in them
     message    how the run ended, "" for as planned
+    parameters values by name
     """
 
     exponents: Array
@@ -47,6 +48,15 @@ class Lyapunov(Shown):
     running: Array
     skipped: int
     message: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, without the estimates on the way; t: from when to when they are taken."""
+        return {
+            "parameters": dict(self.parameters), "exponents": self.exponents.tolist(),
+            "error": self.error.tolist(), "t": [float(self.t[0]), float(self.t[-1])],
+            "skipped": self.skipped, "message": self.message,
+        }  # fmt: skip
 
     def __str__(self) -> str:
         rows = [f"{v:.6g} +- {e:.2g}" for v, e in zip(self.exponents, self.error, strict=True)]
@@ -130,7 +140,10 @@ def lyapunov(
     table, times = np.array(logs[first:]), times[first:]
     spans = np.diff(times)
     running = np.cumsum(table, axis=0) / np.cumsum(spans)[:, None]
-    return Lyapunov(running[-1], _scatter(table, spans), np.array(times), running, skipped, message)
+    return Lyapunov(
+        running[-1], _scatter(table, spans), np.array(times), running, skipped, message,
+        system.parameters.others(parameters),
+    )  # fmt: skip
 
 
 def _scatter(table: Array, spans: Array) -> Array:

@@ -287,6 +287,11 @@ class ParameterSet:
             out[place] = self._items[names[place]].check(value, f"parameter {names[place]!r}")
         return out
 
+    def others(self, values: Any, names: Sequence[str] = ()) -> dict[str, float]:
+        """Return the values of a run by name, without those of `names`, which vary in it."""
+        resolved = zip(self.names, self.resolve(values).tolist(), strict=True)
+        return {name: value for name, value in resolved if name not in names}
+
     def record(self, values: Sequence[float] | npt.NDArray[np.float64]) -> ParameterRecord:
         """Return resolved values as the read-only record p of f(t, x, p, s)."""
         return ParameterRecord(self._index, [float(v) for v in values])

@@ -58,7 +58,8 @@ def run_attractors(settings: dict[str, Any], console: Console) -> int:
 
 
 def run_manifold(settings: dict[str, Any], console: Console) -> int:
-    """Write the manifolds of a saddle near --x0, or of the orbit there, as points and as a picture."""
+    """Write the manifold of a saddle near --x0, or of the orbit there, as points and as a picture; with
+    --side both the two of them, in a list."""
     loaded = load_model(settings["model"])
     problem = loaded.problem({**settings, "t_span": (0.0, 1.0)})
     if settings["length"] is None:
@@ -88,7 +89,8 @@ def run_manifold(settings: dict[str, Any], console: Console) -> int:
     for one in found:
         for line in one.lines():
             console.say(line)
-    data = {"model": loaded.name, "manifolds": [one.to_dict() for one in found]}
+    parts = [one.to_dict() for one in found]
+    data = {"model": loaded.name} | (parts[0] if len(parts) == 1 else {"manifolds": parts})
     console.result(data)
     folder.json("manifold.json", data)
     rows = [

@@ -301,7 +301,7 @@ _ALL = (
         "manifold", "stable and unstable manifolds of a saddle or of an orbit: manifold.json, .csv, .png",
         "attractors",
         (MODEL, PARAMETERS, START[0],
-         _choice("side", "which of them", "unstable", "stable", "both", default="both"),
+         _choice("side", "which of them", "unstable", "stable", "both", default="unstable"),
          Option("length", "arclength of every branch", number, metavar="L"),
          Option("mode", "mode of the saddle near --x0, such as 0 for a pseudo-saddle", text, metavar="MODE"),
          Option("orbit", "of the periodic orbit near --x0, in place of a saddle", switch, default=False),
@@ -311,7 +311,7 @@ _ALL = (
          Option("plane", "two states, with a comma, of the picture", names, metavar="STATE,STATE"),
          *SECTION,
          Option("rtol", "relative tolerance of a step", number, metavar="R")),
-        "filippov manifold my.py:duffing --x0 x=0,v=0 --length 3 -o results/manifold",
+        "filippov manifold my.py:duffing --x0 x=0,v=0 --length 3 --side both -o results/manifold",
         function="run_manifold", needs="filippov.analysis.invariant_sets.manifold",
     ),
     Command(

@@ -9,7 +9,7 @@ import numpy as np
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import loaded_of
-from filippov.app.cli.sections.along import follows_solution, section_along, section_data, told, varied
+from filippov.app.cli.sections.along import follows_solution, section_along, told, varied
 from filippov.app.cli.sections.maps import interval_of, section_of
 from filippov.base.errors import UsageError
 from filippov.plot.lyapunov import plot_brute_force, plot_lyapunov
@@ -34,11 +34,7 @@ def run_lyapunov(settings: dict[str, Any], console: Console) -> int:
     console.say(str(found))
     if found.message:
         console.warn(found.message)
-    data = {
-        "model": loaded.name, "parameters": dict(problem.parameters), "exponents": found.exponents.tolist(),
-        "error": found.error.tolist(), "t": found.t[[0, -1]].tolist(), "skipped": found.skipped,
-        "message": found.message,
-    }  # fmt: skip
+    data = {"model": loaded.name} | found.to_dict()
     console.result(data)
     folder.json("exponents.json", data)
     columns = ("t", *(f"exponent {k + 1}" for k in range(len(found.exponents))))
@@ -69,11 +65,7 @@ def run_diagram(settings: dict[str, Any], console: Console) -> int:
             rtol=settings["rtol"], progress=progress,
             parameters={name: value for name, value in values.items() if name != parameter},
         )  # fmt: skip
-    data = {
-        "model": loaded.name, "parameter": parameter, "values": found.values.tolist(),
-        "d": found.d.tolist(), "period": found.period.tolist(), "complete": found.complete,
-        "section": section_data(section), "notes": list(found.notes),
-    }  # fmt: skip
+    data = {"model": loaded.name} | found.to_dict()
     console.result(data)
     console.say(str(found))
     folder.json("diagram.json", data)

@@ -89,10 +89,11 @@ def run(settings: dict[str, Any], console: Console) -> int:
         )  # fmt: skip
     rows = [dict(row) for row in result.rows]
     columns = tuple(dict.fromkeys(key for row in rows for key in row))
-    console.result({"model": loaded.name, "parameters": values, "rows": rows})
+    data = {"model": loaded.name} | result.to_dict()
+    console.result(data)
     console.say(result.to_text())
     folder.csv("comparison.csv", columns, ([row.get(key) for key in columns] for row in rows))
-    folder.json("comparison.json", {"model": loaded.name, "parameters": values, "rows": rows})
+    folder.json("comparison.json", data)
     folder.content("comparison.txt", result.to_text())
     folder.picture("comparison.png", result.plot)
     folder.report()
@@ -115,9 +116,7 @@ def run_solutions(loaded: Loaded, settings: dict[str, Any], console: Console) ->
             loaded.system, problem.x0, problem.t_span, parameters=dict(problem.parameters), progress=progress,
             **{name: value for name, value in given.items() if value is not None},
         )  # fmt: skip
-    head = {"model": loaded.name, "parameters": dict(problem.parameters), "x0": problem.x0.tolist(),
-            "t_span": list(problem.t_span)}  # fmt: skip
-    data = head | result.to_dict()
+    data = {"model": loaded.name} | result.to_dict()
     console.result(data)
     console.say(result.to_text())
     folder.content("comparison.csv", result.to_csv())

@@ -46,11 +46,9 @@ def run(settings: dict[str, Any], console: Console) -> int:
         branch = follow.run(progress)
     _tell(branch, console)
     others, curves = _switched(follow, settings, options, console), _curves(follow, settings, console)
-    data = {"model": loaded.name, "parameter": parameter, "parameters": branch.parameters,
-            "kind": branch.kind, "message": branch.message,
-            "special": [_row(point, branch) for point in branch.special],
-            "points": [_row(point, branch) for point in branch.points],
-            "switched": [_data(other) for other in others], "curves": [_data(found) for found in curves]}
+    data = {"model": loaded.name} | branch.to_dict() | {
+        "switched": [other.to_dict() for other in others], "curves": [found.to_dict() for found in curves],
+    }  # fmt: skip
     console.result(data)
     _write(folder, "branch", branch)
     for name, found in (("branch", others), ("curve", curves)):
@@ -168,32 +166,16 @@ def _run_all(
 
 
 def _write(folder: Folder, name: str, branch: Any) -> None:
-    columns = ("special", "value", "stable", "word", "period", *_coordinates(branch))
-    folder.csv(f"{name}.csv", columns, ([_row(q, branch).get(c) for c in columns] for q in branch.points))
+    own = ("special", "value", "stable", "word", "period")
+    known = list(branch.points[0].coordinates) if branch.points else []
+    # An orbit has its period among its coordinates as well; a state may be called "value".
+    names = [n for n in known if n != "period" or branch.kind in ("equilibrium", "function")]
+    titles = [f"coordinate {n}" if n in own else n for n in names]
+    rows = (
+        [getattr(q, c) for c in own] + [q.coordinates.get(n) for n in names] for q in branch.points
+    )  # fmt: skip
+    folder.csv(f"{name}.csv", (*own, *titles), rows)
     folder.file(f"{name}.json", branch.save)
-
-
-def _data(branch: Any) -> dict[str, Any]:
-    """A branch as plain data."""
-    return {
-        "parameter": branch.parameter, "kind": branch.kind, "message": branch.message,
-        "points": [_row(point, branch) for point in branch.points],
-    }  # fmt: skip
-
-
-def _coordinates(branch: Any) -> list[str]:
-    return list(branch.points[0].coordinates) if branch.points else []
-
-
-def _row(point: Any, branch: Any) -> dict[str, Any]:
-    """A point as a row of the table."""
-    row = {
-        "special": point.special, "value": point.value, "stable": point.stable, "verdict": point.verdict,
-        "word": point.word,
-        "period": point.period, "note": point.note, "predicts": point.predicts,
-        "coefficients": dict(point.coefficients),
-    }  # fmt: skip
-    return row | {name: point.coordinates.get(name) for name in _coordinates(branch)}
 
 
 def _tell(branch: Any, console: Console) -> None:

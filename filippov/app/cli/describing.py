@@ -21,7 +21,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     with console.progress("describing function"):
         prediction = module.describing_function(loaded.system, settings["surface"], values, **options)
     console.say(str(prediction))
-    data = {"model": loaded.name, "parameters": values} | prediction.to_dict()
+    data = {"model": loaded.name} | prediction.to_dict()
     console.result(data)
     folder.json("prediction.json", data)
     columns = ("amplitude", "growth", "frequency")

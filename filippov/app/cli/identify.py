@@ -44,7 +44,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
                 progress=lambda count, misfit: progress(count, 0), **options,
             )  # fmt: skip
     console.say(str(result))
-    data = {"data": settings["data"], "law": settings["law"], "fixed": fixed} | result.to_dict()
+    data = {"data": settings["data"], "law": settings["law"]} | result.to_dict()
     console.result(data)
     folder.json("identified.json", data)
     points = (record.v, record.friction) if isinstance(record, record_module.Curve) else None

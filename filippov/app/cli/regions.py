@@ -76,7 +76,7 @@ def run_basin(settings: dict[str, Any], console: Console) -> int:
             order=settings["order"], rtol=settings["rtol"], engine=engine(settings, folder),
             progress=progress,
         )  # fmt: skip
-    data = {"model": loaded.name, "parameters": values} | result.to_dict()
+    data = {"model": loaded.name} | result.to_dict()
     console.result(data)
     console.say(str(result))
     folder.json("basin.json", data)

@@ -78,7 +78,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
             samples=settings["samples"], seed=settings["seed"], progress=progress,
         )  # fmt: skip
     console.say(str(result))
-    data = {"model": loaded.name, "parameters": fixed, "ranges": ranges, "band": corners} | result.to_dict()
+    data = {"model": loaded.name} | result.to_dict()
     console.result(data)
     folder.json("tuning.json", data)
     rows = zip(*result.gains.T.tolist(), result.ratio.tolist(), strict=True)

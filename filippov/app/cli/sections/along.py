@@ -126,15 +126,6 @@ def flags(section: Any) -> str:
     return shlex.join(words)
 
 
-def section_data(section: Any) -> dict[str, Any]:
-    """A section as plain data."""
-    if not hasattr(section, "kind"):
-        read = str(section.coordinate)
-        return {"once a period": section.period, "clock": section.clock, "coordinate": read}
-    return {"surface": section.surface, "kind": section.kind, "coordinate": section.coordinate,
-            "after": section.after}  # fmt: skip
-
-
 def suggestion(loaded: Loaded, interval: str = "any") -> str:
     """A sentence with flags of a parametrised section, from a short run of the model; "" where none is seen.
 

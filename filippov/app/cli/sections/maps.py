@@ -18,7 +18,6 @@ from filippov.plot.maps import plot_diagram, plot_event_map
 
 PARTS = ("surface", "event", "coordinate", "parametrisation")
 CONDITION = "after"
-SPECIAL_COLUMNS = ("kind", "value", "d", "residual", "note")
 POINT_COLUMNS = ("d", "kind", "slope", "stable", "verdict", "residual", "period", "note")
 CHUNK = 64
 
@@ -100,9 +99,8 @@ def run_event_map(settings: dict[str, Any], console: Console) -> int:
     _tell(points, console)
     data = {
         "model": loaded.name, "parameters": values, "order": settings["order"], "interval": [lo, hi],
-        "section": {"surface": section.surface, "kind": section.kind, "coordinate": section.coordinate,
-                    "after": section.after},
-        "fixed_points": [point_data(point) for point in points], "complete": code == 0,
+        "section": section.to_dict(), "fixed_points": [point.to_dict() for point in points],
+        "complete": code == 0,
     }  # fmt: skip
     if orbit is not None:
         data["orbit"] = orbit
@@ -142,34 +140,23 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
         )  # fmt: skip
     found_at = list(zip(diagram.values, diagram.points, strict=True))
     rows = [(value, point) for value, found in found_at for point in found]
-    data = {
-        "model": loaded.name, "parameter": parameter, "parameters": values, "interval": interval,
-        "values": [
-            {"value": value, "fixed_points": [point_data(point) for point in found]}
-            for value, found in found_at
-        ],
-        "folds": [{parameter: value, "d": d} for value, d in diagram.folds],
-        "stability_changes": [{parameter: value} for value in diagram.stability_changes],
-        "special": [{k: getattr(s, k) for k in SPECIAL_COLUMNS} for s in getattr(diagram, "special", ())],
-        "complete": getattr(diagram, "complete", True),
-    }  # fmt: skip
+    data = {"model": loaded.name} | diagram.to_dict()
     console.result(data)
     console.say(str(diagram))
     folder.csv(
-        "bifurcation.csv", (parameter, *POINT_COLUMNS), ([float(v), *point_data(p).values()] for v, p in rows)
+        "bifurcation.csv", (parameter, *POINT_COLUMNS), ([float(v), *_row(p)] for v, p in rows)
     )
     folder.json("bifurcation.json", data)
     shown = loaded.labels(parameter, section.coordinate)
     labels = {"parameter": shown[parameter], "d": f"{shown[section.coordinate]} at the event"}
     folder.picture("bifurcation.png", lambda: plot_diagram(diagram, title=loaded.title, labels=labels))
     folder.report()
-    return 0 if data["complete"] else 130
+    return 0
 
 
-def point_data(point: Any) -> dict[str, Any]:
-    """A fixed point by name, numbers as Python's."""
-    values = {name: getattr(point, name) for name in POINT_COLUMNS}
-    return {k: v.item() if hasattr(v, "item") else v for k, v in values.items()}
+def _row(point: Any) -> list[Any]:
+    data = point.to_dict()
+    return [data[name] for name in POINT_COLUMNS]
 
 
 def _tell(points: Sequence[Any], console: Console) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded
-from filippov.app.cli.sections.along import section_along, section_data
+from filippov.app.cli.sections.along import section_along
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.plot.maps import plot_returns
 
@@ -45,8 +45,8 @@ def run_return_pairs(loaded: Loaded, settings: dict[str, Any], console: Console)
     d = found.d[: len(image)]
     data = {
         "model": loaded.name, "parameters": values, "order": order, "x0": x0.tolist(),
-        "section": section_data(section), "note": note,
-        "fixed_points": [vars(point) | {"stable": point.stable} for point in points],
+        "section": section.to_dict(), "note": note,
+        "fixed_points": [point.to_dict() for point in points],
         "complete": True,
     }  # fmt: skip
     console.result(data | {"t": found.t[: len(image)], "d": d, "R": image})
