@@ -174,10 +174,25 @@ def number_array(name: str, value: object, error: type[Exception] = UsageError) 
         entries = [as_float(entry) for entry in array.ravel().tolist()]
     if entries is None or None in entries:
         raise error(
-            f"{name} is {shown(listed)} (type {array.dtype}), expected real numbers: {name}=(0.1, 0), no "
-            "text."
+            f"{name} is {shown(listed)} (type {array.dtype}), expected real numbers"
+            f"{_as_numbers(name, array)}"
         )
     return np.array(entries, dtype=np.float64).reshape(array.shape)
+
+
+def _as_numbers(name: str, array: npt.NDArray[Any]) -> str:
+    """How numbers are made of what was given."""
+    if array.dtype.kind == "M":
+        return ". Give times in seconds: (stamps - stamps[0]) / np.timedelta64(1, 's')."
+    if array.dtype.kind == "m":
+        return ". Give times in seconds: durations / np.timedelta64(1, 's')."
+    if array.dtype.kind == "U" and array.ndim:
+        try:
+            array.astype(np.float64)
+        except ValueError:
+            return f": {name}=(0.1, 0), no text."
+        return ", no text. Convert it: np.asarray(given, dtype=float)."
+    return f": {name}=(0.1, 0), no text."
 
 
 def _refuse_unit(name: str, value: object, error: type[Exception]) -> None:

@@ -25,11 +25,14 @@ def read_columns(
     """
     try:
         lines = io.StringIO(read_text(path, LARGEST_FILE), newline="")
-        rows = [row for row in csv.reader(lines) if row and not row[0].startswith("#")]
+        reader = csv.reader(lines)
+        numbered = [(reader.line_num, row) for row in reader if row and not row[0].startswith("#")]
     except (OSError, ValueError, csv.Error) as error:
         raise ModelError(f"{path}: cannot be read as text in columns: {error}.") from None
+    rows = [row for _, row in numbered]
     if not rows:
         raise ModelError(f"{path}: the file is empty, expected lines such as 0.0,1.5.")
+    _refuse_other_marks(path, rows)
     titles = [] if _numbers(rows[0]) is not None else [title.strip() for title in rows.pop(0)]
     if not rows:
         raise ModelError(f"{path}: below its titles it has no rows of numbers.")
@@ -45,13 +48,37 @@ def read_columns(
             raise ModelError(f"{path}: there is no column {column}; they are numbered from 0.")
         places.append(titles.index(column) if isinstance(column, str) else column)
     out: list[list[float]] = [[] for _ in wanted]
-    for line, row in enumerate(rows, 2 if titles else 1):
+    count = len(titles or rows[0])
+    if max(places) >= count:
+        raise ModelError(f"{path}: there is no column {max(places)}; it has {count}, numbered from 0.")
+    for line, row in numbered[1:] if titles else numbered:
         values = _numbers([row[k] for k in places]) if max(places) < len(row) else None
         if values is None:
-            raise ModelError(f"{path}, line {line}: {','.join(row)[:60]!r} has no numbers in these columns.")
+            raise ModelError(
+                f"{path}, line {line}: {','.join(row)[:60]!r} has no numbers in these columns. Expected "
+                "numbers with a decimal point in every row."
+            )
+        if any(row[count:]):
+            raise ModelError(
+                f"{path}, line {line}: {','.join(row)[:60]!r} has {len(row)} fields, expected {count}. "
+                "Numbers have a decimal point, not a comma; a table with decimal commas is read by "
+                "pandas.read_csv(path, sep=';', decimal=',')."
+            )
         for numbers, value in zip(out, values, strict=True):
             numbers.append(value)
     return out
+
+
+def _refuse_other_marks(path: Path, rows: Sequence[Sequence[str]]) -> None:
+    """Raise ModelError for columns that are separated by something else than commas."""
+    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
+        if all(mark in ",".join(row) for row in rows[:3]):
+            raise ModelError(
+                f"{path}: its columns are separated by {name}, expected commas, and numbers with a decimal "
+                f"point. Read it with pandas: table = pandas.read_csv({path.name!r}, sep={mark!r}"
+                f"{', decimal=' + repr(',') if mark == ';' else ''}), then "
+                "Input(name, table['t'], table['u'])."
+            )
 
 
 def _numbers(row: Sequence[str]) -> list[float] | None:

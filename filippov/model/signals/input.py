@@ -13,11 +13,19 @@ from sympy.printing.str import StrPrinter
 
 from filippov.base.errors import ModelError
 from filippov.base.keywords import keywords
-from filippov.base.names import check_name
+from filippov.base.names import check_name, unknown
 from filippov.model.signals.columns import read_columns
 from filippov.model.signals.samples import ORDERS, Samples
 from filippov.model.symbols import t
 
+OPTIONS = ("kind", "outside", "period")
+_OTHER_FILE = (
+    "{0} is not known: columns are separated by commas, with a decimal point. Read another file with pandas: "
+    "table = pandas.read_csv(path, {0}=...), then Input(name, table['t'], table['u'])."
+)
+_READ_BY_PANDAS = {
+    key: _OTHER_FILE.format(key) for key in ("sep", "delimiter", "decimal", "skiprows", "header")
+}
 _KINDS: WeakValueDictionary[tuple[str, str, int], Any] = WeakValueDictionary()
 
 
@@ -50,9 +58,11 @@ class Input:
         period: float | None = None,
     ) -> Expr:  # fmt: skip
         """Make the function of time."""
+        checked = check_input_name(name)
+        _refuse_no_column(checked, t, values)
         if values is None and hasattr(t, "index") and hasattr(t, "to_numpy"):
             t, values = t.index.to_numpy(), t.to_numpy()
-        return input_of(Samples(check_input_name(name), t, values, kind, outside, period))
+        return input_of(Samples(checked, t, values, kind, outside, period))
 
     @classmethod
     @keywords("keyword", error=ModelError)
@@ -66,11 +76,39 @@ class Input:
                       first, and the one titled as the input, else the second
         options       kind, outside, period as in `Input`
         """
+        unknown_ones = [key for key in options if key not in OPTIONS]
+        if unknown_ones:
+            raise ModelError(
+                _READ_BY_PANDAS.get(unknown_ones[0])
+                or unknown("keyword", unknown_ones[0], ("path", "time", "value", *OPTIONS))
+            )
         made: Any = cls
         own = {1: name} if value is None else None
         columns = read_columns(Path(path), (time, 1 if value is None else value), own)
         out: Expr = made(name, *columns, **options)
         return out
+
+
+def _refuse_no_column(name: str, times: Any, values: Any) -> None:
+    """Raise ModelError for a file, a function or a whole table in place of columns."""
+    if isinstance(times, str | Path):
+        raise ModelError(
+            f"input {name!r}: t is the text {str(times)!r}, expected times. Read a file with "
+            f"Input.from_csv({name!r}, {str(times)!r})."
+        )
+    for what, given in (("t", times), ("values", values)):
+        if callable(given) and not isinstance(given, sympy.Basic):
+            raise ModelError(
+                f"input {name!r}: {what} is a function, expected samples. Give Input({name!r}, times, "
+                "f(times)), or write the formula itself, in filippov.t: sin(3*t)."
+            )
+        if hasattr(given, "columns") and hasattr(given, "to_numpy"):
+            titles = [str(title) for title in given.columns]
+            first, second = titles[0] if titles else "t", titles[-1] if titles else "u"
+            raise ModelError(
+                f"input {name!r}: {what} is a table with the columns {', '.join(titles)}, expected one "
+                f"column. Give Input({name!r}, table[{first!r}], table[{second!r}])."
+            )
 
 
 class Sampled(sympy.Function):

@@ -19,6 +19,11 @@ from filippov.model.parameter import as_number
 Array = npt.NDArray[np.float64]
 KINDS = ("linear", "hold", "cubic")
 OUTSIDE = ("refuse", "hold")
+# What scipy, pandas and Simulink call these kinds.
+ELSEWHERE = {
+    "zoh": "hold", "zero": "hold", "previous": "hold", "ffill": "hold", "step": "hold", "constant": "hold",
+    "foh": "linear", "slinear": "linear", "first": "linear", "spline": "cubic", "CubicSpline": "cubic",
+}  # fmt: skip
 # Coefficients of a piece; the first derivative that is 0 for each kind.
 ROOM = 4
 ORDERS = {"hold": 1, "linear": 2, "cubic": 4}
@@ -43,7 +48,9 @@ class Samples:
     ) -> None:  # fmt: skip
         where = f"input {name!r}"
         if kind not in KINDS:
-            raise ModelError(f"{where}: kind is {kind!r}, expected one of {', '.join(KINDS)}.")
+            same = ELSEWHERE.get(kind) if isinstance(kind, str) else None
+            cure = f" Write kind={same!r}." if same else ""
+            raise ModelError(f"{where}: kind is {kind!r}, expected one of {', '.join(KINDS)}.{cure}")
         if outside not in OUTSIDE:
             raise ModelError(f"{where}: outside is {outside!r}, expected one of {', '.join(OUTSIDE)}.")
         knots, heights = _column(t, f"{where}: t"), _column(values, f"{where}: values")

@@ -91,11 +91,17 @@ def prbs(
 def chirp(f0: Any, f1: Any, duration: Any, *, phase: Any = 0.0) -> Expr:
     """sin(2 pi (f0 t + (f1 - f0) t^2 / (2 duration)) + phase): its frequency runs from f0 at 0 to f1.
 
-    Numbers or expressions in parameters; frequencies in 1/time. It is smooth: no knots.
+    Numbers or expressions in parameters; frequencies in 1/time. It is smooth: no knots. Beyond `duration` the
+    frequency changes on at the same rate.
     """
     first, last, length, angle = (
         as_expression(q, f"chirp: {what}")
         for q, what in ((f0, "f0"), (f1, "f1"), (duration, "duration"), (phase, "phase"))
     )
+    if length.is_number and not (length.is_finite and length.is_positive):
+        raise ModelError(
+            f"chirp: duration is {length}, expected a number > 0: the time in which the frequency runs from "
+            "f0 to f1."
+        )
     made: Expr = sympy.sin(2 * sympy.pi * (first * t + (last - first) * t**2 / (2 * length)) + angle)
     return made
