@@ -165,8 +165,10 @@ class Orbit(Shown, Answering):
     def from_dict(cls, data: Mapping[str, Any], system: System) -> Orbit:
         """The orbit that `to_dict` described. Raises UsageError for data that do not describe one."""
         try:
-            keep = {k: data[k] for k in ("t0", "period", "word", "symmetric", "residual", "forced", "rtol",
-                                         "atol", "method")}  # fmt: skip
+            keep: dict[str, Any] = {k: data[k] for k in ("word", "symmetric", "forced", "method")}
+            keep |= {k: float(data[k]) for k in ("t0", "period", "residual", "rtol", "atol")}
+            if not 0 < keep["period"] < np.inf:
+                raise ValueError(f"period is {keep['period']}")
             return cls(
                 system, dict(data["parameters"]), np.array(data["x0"], dtype=float),
                 multipliers=_complex(data["multipliers"]),

@@ -1,7 +1,12 @@
-"""Orbits and branches as JSON files: written in one piece or not at all, read with a limit and checked."""
+"""Orbits and branches as JSON files: written in one piece or not at all, read with a limit and checked.
+
+A file has the sha256 of its content in it, so that one that was altered is refused.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -15,8 +20,9 @@ LARGEST_FILE = 256 << 20
 
 
 def write_json(path: str | Path, data: Any) -> Path:
-    """Write plain data; infinities and NaN as text. Returns the path."""
-    return write_whole(path, json_text(finite(data)))
+    """Write plain data with their sha256; infinities and NaN as text. Returns the path."""
+    kept = finite(data)
+    return write_whole(path, json_text(kept | {"sha256": _digest(kept)}))
 
 
 def read_json(path: str | Path, form: str, version: int) -> dict[str, Any]:
@@ -34,8 +40,21 @@ def read_json(path: str | Path, form: str, version: int) -> dict[str, Any]:
             f"{str(path)!r} has version {data.get('version')!r} of the {form} format, expected {version}; "
             "read it with the release that wrote it."
         )
+    # Files written earlier have none.
+    told = data.pop("sha256", None)
+    if told is not None and told != _digest(data):
+        raise UsageError(
+            f"{str(path)!r} was altered since it was written: its content has another sha256 than the one it "
+            "notes. Write it again; a file that is changed on purpose goes without its line 'sha256'."
+        )
     result: dict[str, Any] = number(data)
     return result
+
+
+def _digest(data: Any) -> str:
+    """sha256 of plain data, of which the order of keys and the spacing are no part."""
+    text = json.dumps(data, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 _WORDS = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}

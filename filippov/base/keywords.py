@@ -82,7 +82,10 @@ def keywords(
                 if own is None and further_ones:
                     continue
                 if own is None:
-                    raise error(sentences.get(name) or unknown(kind, name, names))
+                    said = sentences.get(name)
+                    if said is None and len(args) > self:
+                        said = _of_system(args[self], name, given[name], known)
+                    raise error(said or unknown(kind, name, names))
                 open_place = any(q not in given for q in places[len(args) - self :])
                 if own in given or (own in places[: len(args) - self] and not open_place):
                     raise error(f"{name} and {own} mean the same, and both are given. Leave {name} out.")
@@ -104,6 +107,17 @@ def keywords(
         return called
 
     return decorate
+
+
+def _of_system(owner: Any, name: str, value: Any, known: frozenset[str]) -> str:
+    """What is said of a keyword that is a parameter or a state of the system that was given first."""
+    from filippov.base.given import shown
+
+    if "parameters" in known and name in getattr(getattr(owner, "parameters", None), "names", ()):
+        return f"{name} is a parameter of the system: write parameters={{{name!r}: {shown(value)}}}."
+    if "x0" in known and name in getattr(owner, "states", ()):
+        return f"{name} is a state of the system: write x0={{{name!r}: {shown(value)}, ...}}."
+    return ""
 
 
 def _twice(

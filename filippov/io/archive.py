@@ -23,6 +23,15 @@ from filippov.base.whole_file import write_whole
 DTYPES = ("<f8", "<i8", "|u1")
 LONGEST_HEADER = 10_000
 MOST_ENTRIES = 64
+_TABLE = "A table is {{what}}.to_pandas().{0}(path)."
+OTHER_ENDINGS = {
+    ".csv": _TABLE.format("to_csv"), ".txt": _TABLE.format("to_csv"), ".xlsx": _TABLE.format("to_excel"),
+    ".parquet": _TABLE.format("to_parquet"), ".json": _TABLE.format("to_json"),
+    **dict.fromkeys((".h5", ".hdf5", ".nc"), "Such a file is {what}.to_xarray().to_netcdf(path)."),
+    ".mat": "For MATLAB: scipy.io.savemat(path, {{'t': {what}.t, 'y': {what}.y}}).",
+    ".pkl": "Files that run code when they are read are not written.",
+    ".pickle": "Files that run code when they are read are not written.",
+}  # fmt: skip
 
 
 def write_arrays(path: str | Path, arrays: Mapping[str, npt.NDArray[Any]]) -> Path:
@@ -35,6 +44,16 @@ def write_arrays(path: str | Path, arrays: Mapping[str, npt.NDArray[Any]]) -> Pa
                     np.lib.format.write_array(entry, _little(array), version=(1, 0), allow_pickle=False)
 
     return write_whole(path, fill)
+
+
+def refuse_other_ending(path: str | Path, what: str) -> None:
+    """Raise UsageError for a file name that says another format than npz."""
+    cure = OTHER_ENDINGS.get(Path(path).suffix.lower())
+    if cure is not None:
+        raise UsageError(
+            f"save was given {str(path)!r} and writes npz, expected a file name that ends in .npz. "
+            f"{cure.format(what=what)}"
+        )
 
 
 class Archive:

@@ -24,7 +24,7 @@ from filippov.base.keywords import keywords
 from filippov.base.read_whole import json_data
 from filippov.base.status import EventKind, Status
 from filippov.base.version import package_version
-from filippov.io.archive import Archive, write_arrays
+from filippov.io.archive import Archive, refuse_other_ending, write_arrays
 from filippov.model.system import System
 from filippov.solving.resets.zeno import Accumulation
 from filippov.solving.selection.ambiguity import Ambiguity
@@ -62,6 +62,7 @@ def save(solution: Solution, path: str | Path) -> Path:
         raise UsageError(f"save was given {type(solution).__name__}, expected a Solution.")
     if solution.options.save_events == "count":
         raise UsageError("the events were only counted; solve with save_events='all' to save them.")
+    refuse_other_ending(path, "solution")
     header = json.dumps(solution_header(solution), allow_nan=False).encode()
     arrays = {"header": np.frombuffer(header, dtype=np.uint8)} | solution_arrays(solution)
     return write_arrays(path, arrays)

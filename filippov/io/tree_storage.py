@@ -18,7 +18,7 @@ from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import Count
 from filippov.base.keywords import keywords
 from filippov.base.status import Status
-from filippov.io.archive import Archive, write_arrays
+from filippov.io.archive import Archive, refuse_other_ending, write_arrays
 from filippov.io.storage import (
     MAX_BYTES,
     ambiguity_data,
@@ -43,6 +43,7 @@ def save_tree(tree: SolutionTree, path: str | Path) -> Path:
     """Write a tree; the file appears complete or not at all. Returns the path, used as it is."""
     if not isinstance(tree, SolutionTree):
         raise UsageError(f"save_tree was given {type(tree).__name__}, expected a SolutionTree.")
+    refuse_other_ending(path, "tree.branches[0].solution")
     parts: dict[str, list[Array]] = {"f": [np.zeros(0)], "i": [np.zeros(0, dtype=np.int64)]}
     rows = []
     for branch in tree.branches:

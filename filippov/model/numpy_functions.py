@@ -49,6 +49,15 @@ _BY_OPERATORS = {
 }  # fmt: skip
 
 
+_ENDLESS = {
+    np.floor, np.ceil, np.rint, np.trunc, np.remainder, np.fmod, np.floor_divide, np.divmod, np.modf,
+}  # fmt: skip
+_STEPS = (
+    "It jumps infinitely often: a quantiser has a Surface('name', sin(pi*u)), a sampled value is a state "
+    "that a TimeEvent('clock', period=...) resets."
+)
+
+
 def number_of(condition: Any) -> Expr:
     """1 where a condition holds, else 0."""
     return sympy.Piecewise((1, condition), (0, True))
@@ -69,6 +78,9 @@ def apply_ufunc(self: Any, ufunc: Any, method: str, *inputs: Any, **options: Any
     known = UFUNCS.get(ufunc)
     # A function of Python made one of arrays (np.frompyfunc, np.vectorize) takes whatever it is given.
     own = ufunc.types == ["O" * ufunc.nin + "->" + "O" * ufunc.nout]
+    if ufunc in _ENDLESS:
+        few = "A few steps are Piecewise or Heaviside from filippov."
+        raise TypeError(f"np.{ufunc.__name__} is not known of expressions. {_STEPS} {few}")
     if known is None and ufunc not in _BY_OPERATORS and not own:
         raise TypeError(
             f"np.{ufunc.__name__} is not known of expressions: use sin, cos, tan, exp, log, sqrt, tanh, "
@@ -148,6 +160,13 @@ def _with_advice(method: Callable[..., Any], advice: str) -> Callable[..., Any]:
     return asked
 
 
+def _no_power(self: Any, other: Any) -> Any:
+    # A symbol is a condition as well, and those have "either or".
+    if isinstance(self, Boolean) and isinstance(other, Boolean):
+        return sympy.Xor(self, other)
+    raise TypeError(f"({self}) ^ ({other}) is no power in Python: write ({self})**({other}).")
+
+
 def _method(function: Callable[..., Any]) -> Callable[[Any], Any]:
     def of_one(self: Any) -> Any:
         return function(self)
@@ -174,8 +193,5 @@ def install() -> None:
     Relational.__bool__ = _with_advice(Relational.__bool__, IN_AN_EQUATION)
     advice = "In an equation use sin, cos, exp, ... from filippov (or numpy), not those of math."
     Expr.__float__ = _with_advice(Expr.__float__, advice)
-    steps = (
-        "It jumps infinitely often: a quantiser has a Surface('name', sin(pi*u)), a sampled value is a state "
-        "that a TimeEvent('clock', period=...) resets."
-    )
-    Expr.__int__, Expr.__round__ = (_with_advice(f, steps) for f in (Expr.__int__, Expr.__round__))
+    Expr.__int__, Expr.__round__ = (_with_advice(f, _STEPS) for f in (Expr.__int__, Expr.__round__))
+    Expr.__xor__ = Expr.__rxor__ = _no_power

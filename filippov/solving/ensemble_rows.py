@@ -10,11 +10,13 @@ import numpy as np
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import number_array, shown
+from filippov.base.labelled import by_label, in_order
+from filippov.base.names import unknown
 from filippov.base.quantity import is_quantity, plain
 from filippov.model.comparators.hysteresis import check_widths
 from filippov.model.system import System
 from filippov.solving.state.machine import Array
-from filippov.solving.state.options import without_units
+from filippov.solving.state.options import check_state, without_units
 
 
 def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Array, Array]:
@@ -24,7 +26,7 @@ def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
     """
     if is_quantity(x0):
         raise UsageError("x0 is a quantity with a unit, expected numbers in the units of the states.")
-    states = np.atleast_2d(number_array("x0", _without_units(x0, system)))
+    states = np.atleast_2d(number_array("x0", _without_units(_by_name(x0, system), system)))
     if states.ndim != 2 or states.shape[1] != system.dimension:
         raise UsageError(
             f"x0 has shape {np.shape(x0)}, expected (k, {system.dimension}) "
@@ -62,6 +64,33 @@ def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
             declared.check(extreme, f"parameter {name!r}")
         values[:, system.parameters.index(name)] = column
     return states if len(states) == count else np.repeat(states, count, axis=0), values
+
+
+def _by_name(x0: Any, system: System) -> Any:
+    """Columns of states by name, of a table or a dict, or rows of which each has names, as rows in order."""
+    if isinstance(x0, Mapping):
+        names = {str(getattr(key, "name", key)): value for key, value in x0.items()}
+        for name in names:
+            if name not in system.states:
+                raise UsageError(unknown("state", name, system.states))
+        missing = [name for name in system.states if name not in names]
+        if missing:
+            raise UsageError(
+                f"x0 has no value for {', '.join(missing)}; expected one for each of {system.states}."
+            )
+        columns: list[Any] | None = [names[name] for name in system.states]
+    else:
+        columns = in_order(x0, system.states, "x0")
+    if columns is not None:
+        named = zip(system.states, columns, strict=True)
+        made = [np.atleast_1d(number_array(f"x0: {name!r}", column)) for name, column in named]
+        lengths = {len(column) for column in made}
+        if any(column.ndim != 1 for column in made) or not lengths <= {1, max(lengths)}:
+            raise UsageError(f"x0: its columns have lengths {sorted(lengths)}, expected one length or 1.")
+        return np.column_stack(np.broadcast_arrays(*made))
+    if isinstance(x0, list | tuple) and any(isinstance(row, Mapping) or by_label(row) for row in x0):
+        return [check_state(row, system) for row in x0]
+    return x0
 
 
 def _without_units(x0: Any, system: System) -> Any:

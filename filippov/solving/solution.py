@@ -37,6 +37,10 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 
+_AT_TIMES = (
+    "to_pandas takes no times: its rows are those of solution.t. At others solve with t_eval=times, or read "
+    "solution.evaluate('x', times)."
+)
 _OTHER_PLOTS = {
     "phase": "phase is no option: a phase portrait is filippov.plot.plot_phase(solution, 'x', 'v').",
     "outputs": "outputs stand beside the states: plot(['x', 'effort']).",
@@ -315,10 +319,12 @@ class Solution:
         loaded: Solution = delegate("Solution.load")(path, system)
         return loaded
 
+    @keywords()
     def to_xarray(self) -> Any:
         """An xarray.Dataset: every state over t, every event over `event` (see `filippov.io.export`)."""
         return delegate("Solution.to_xarray")(self)
 
+    @keywords(answers={"*": _AT_TIMES})
     def to_pandas(self) -> Any:
         """A pandas.DataFrame of states and outputs over t (see `filippov.io.export`)."""
         return delegate("Solution.to_pandas")(self)

@@ -93,6 +93,8 @@ def _spread(u: Array, generator: np.random.Generator) -> None:
 
 
 def _numbers(name: str, values: Any) -> Array:
+    if hasattr(values, "to_numpy") and getattr(values, "ndim", 0) == 1:  # a column of a table
+        values = values.to_numpy()
     if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray):
         raise UsageError(f"vary: {name} is {values!r}, expected a list of numbers.")
     try:

@@ -16,6 +16,7 @@ from filippov.app.explorer.solutions import Solutions
 from filippov.app.explorer.subject import Subject, subject
 from filippov.app.explorer.view import View
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.whole_file import write_whole
 from filippov.solving.solution import Solution
 
@@ -46,6 +47,7 @@ class Explorer:
     Raises UsageError, ModelError.
     """
 
+    @keywords(same={"y0": "x0", "tspan": "t_span"}, own=("parameters", "interval", "section"))
     def __init__(
         self, system: Any, x0: Any = None, t_span: Any = None, *,
         parameters: Mapping[str, float] | None = None, section: Section | Stroboscope | None = None,

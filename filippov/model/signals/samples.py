@@ -48,7 +48,7 @@ class Samples:
     ) -> None:  # fmt: skip
         where = f"input {name!r}"
         if kind not in KINDS:
-            same = ELSEWHERE.get(kind) if isinstance(kind, str) else None
+            same = ELSEWHERE.get(kind)
             cure = f" Write kind={same!r}." if same else ""
             raise ModelError(f"{where}: kind is {kind!r}, expected one of {', '.join(KINDS)}.{cure}")
         if outside not in OUTSIDE:

@@ -107,6 +107,22 @@ ANSWERS: dict[str, str] = {
     ),
     **dict.fromkeys(("u0", "ic", "init", "initial"), "the initial state is x0=(...), or y0 as in scipy."),
     **dict.fromkeys(("solver", "alg", "integrator"), "it is method='DOP853', 'DP5', 'Radau' or 'Taylor'."),
+    **dict.fromkeys(
+        ("StopTime", "StartTime", "TimeSpan", "FinalTime"), "the times are t_span=(t0, t1) here."
+    ),
+    **dict.fromkeys(
+        ("FixedStep", "SampleTime", "step_size"),
+        "steps are chosen by the tolerances; max_step bounds them, and method='Moreau' has steps of one "
+        "length dt. A sampled part of a model is TimeEvent('clock', period=...) with a state that it resets.",
+    ),
+    **dict.fromkeys(("Solver", "SolverName"), "it is method='DOP853', 'DP5', 'Radau' or 'Taylor'."),
+    **dict.fromkeys(
+        ("Refine", "OutputTimes", "OutputFcn"), "times at which the solution is wanted are t_eval."
+    ),
+    **dict.fromkeys(
+        ("Jacobian", "Mass", "Vectorized"),
+        "it is not needed: derivatives are taken of the expressions; a mass goes into the equations.",
+    ),
     "maxiters": "maxiters is max_steps here.",
     "dtmax": "dtmax is max_step here.",
     "p": "p is parameters here: parameters={'m': 2.0}.",

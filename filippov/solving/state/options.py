@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import check_count, choice, flag, number, number_array, positive, several, shown
+from filippov.base.labelled import in_order
 from filippov.base.names import unknown
 from filippov.base.quantity import is_quantity, plain, unit_of_label
 from filippov.base.symbolic_value import is_expression, single
@@ -202,7 +203,10 @@ def options_but(*others: str) -> tuple[str, ...]:
 
 
 def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
-    """The initial state as a float64 vector: a sequence in the order of the states, or a mapping by name."""
+    """The initial state as a float64 vector: a sequence in the order of the states, or values by name.
+
+    By name are a mapping, a row of a table of pandas and an array of one record.
+    """
     array = _usual_state(x0, system.dimension)
     if array is not None:
         return array
@@ -220,6 +224,8 @@ def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
             )
         values = dict(zip(names, x0.values(), strict=True))
         x0 = [values[name] for name in system.states]
+    elif getattr(x0, "ndim", 1) < 2 and (labelled := in_order(x0, system.states, "x0")) is not None:
+        x0 = labelled
     x0 = without_units(x0, system)
     if is_quantity(x0):
         raise UsageError(f"x0 is the quantity {x0}, expected one quantity or number per state: x0=(q1, q2).")
@@ -352,7 +358,9 @@ def check_times(t_eval: Any, span: tuple[float, float]) -> npt.NDArray[np.float6
     outside = ~((times >= low) & (times <= high))
     if np.any(outside):
         i = int(np.argmax(outside))
-        raise UsageError(f"t_eval[{i}] = {times[i]} lies outside t_span = {span}.")
+        raise UsageError(
+            f"t_eval[{i}] = {times[i]} lies outside t_span = {span}. Leave it out, or solve further."
+        )
     steps = np.diff(times) * (1.0 if span[1] >= span[0] else -1.0)
     if np.any(steps <= 0):
         i = int(np.argmax(steps <= 0))
