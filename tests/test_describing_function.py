@@ -8,7 +8,7 @@ import pytest
 from bank import CASES, case, number
 from scipy.optimize import brentq
 
-from filippov import ModelError, Surface, System, UsageError, solve, states
+from filippov import ModelError, Surface, System, UsageError, parameters, solve, states
 from filippov.analysis.harmonic.control_link import linear_plant, relay_loop
 from filippov.analysis.harmonic.describing_function import describing_function
 from filippov.analysis.harmonic.quasi_linear import lure
@@ -257,3 +257,28 @@ def test_relays_under_a_bias(seed: int) -> None:
     assert cycle.amplitude == pytest.approx(unit * size(share), rel=1e-8)
     assert cycle.mean == pytest.approx(share * cycle.amplitude, rel=1e-7)
     assert not found.unbalanced
+
+
+@pytest.mark.parametrize("d", [0.01, 0.1, 0.3])
+def test_the_amplitude_does_not_depend_on_how_the_width_is_written(d: float) -> None:
+    """Of x'' + x' = -sgn with a band of half-width d, in closed form.
+
+    The Nyquist curve of 1/(s^2 + s) meets -1/N(A) = -pi/4 (sqrt(A^2 - d^2) + j d) where
+    1/(1 + w^2) = pi/4 sqrt(A^2 - d^2) and 1/(w (1 + w^2)) = pi/4 d.
+    """
+    x, v = states("x v")
+    p = parameters(d=0.5, offset=0.0)
+    written, number = (
+        System({x: v, v: -v - sign(x)}, surfaces=[Surface("relay", x, width=width)]) for width in (p.d, d)
+    )
+    w = brentq(lambda w: 1 / (w * (1 + w * w)) - np.pi * d / 4, 1e-2, 1e2)
+    wanted = np.hypot(4 / np.pi / (1 + w * w), d)
+    found = describing_function(written, parameters={"d": d})
+    (cycle,), (plain,) = found.cycles, describing_function(number).cycles
+    assert (cycle.amplitude, cycle.frequency) == pytest.approx((wanted, w), rel=1e-8)
+    assert cycle.amplitudes == pytest.approx(plain.amplitudes, rel=1e-8)
+    assert cycle.distortion == pytest.approx(plain.distortion, rel=1e-8)
+    assert found.to_dict()["searched"] == pytest.approx(describing_function(number).to_dict()["searched"])
+    k = int(np.argmin(np.abs(found.amplitude - 2)))
+    at = found.amplitude[k]
+    assert found.gain[1, k] == pytest.approx(-4 / np.pi / at**2 * (np.sqrt(at**2 - d**2) - 1j * d), rel=1e-6)

@@ -12,7 +12,7 @@ Armstrong-Helouvry & Amin 1996 and Olsson 1995.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.algebra import linalg
-from filippov.analysis.harmonic.quasi_linear import Array, ComplexArray, Lure, lure
+from filippov.analysis.harmonic.quasi_linear import Array, ComplexArray, Lure, lure, width_unit
 from filippov.base.errors import UsageError
 from filippov.base.given import Interval
 from filippov.base.keywords import keywords
@@ -137,6 +137,9 @@ def describing_function(
             raise UsageError(f"name the input's surface with surface=...; known: {', '.join(names)}")
         surface = names[0]
     split = lure(system, surface, parameters)
+    # The h of a width that depends on parameters is held in units of that width.
+    unit = width_unit(system, surface, parameters)
+    low, high = low / unit, high / unit
     # A relay with hysteresis switches where the input goes through all of its band.
     least = float(np.max(np.abs(split.widths / split.slopes), initial=0.0, where=split.widths > 0))
     grid = np.geomspace(max(low, least * (1 + EDGE)), high, LEVELS)
@@ -157,8 +160,12 @@ def describing_function(
             top = values[np.argmax(values.real)]
             growth[k], frequency[k] = top.real, top.imag
     neutral = _runs(grid, [bool(np.any(_sides(values) == 0)) for values in spectra])
+    told = [
+        replace(c, amplitude=float(unit * c.amplitude), mean=float(unit * c.mean)) for c in cycles
+    ]  # fmt: skip
+    between = tuple((unit * a, unit * b) for a, b in neutral)
     return DescribingFunction(
-        system.states, surface, tuple(cycles), grid, growth, frequency, gain, neutral,
+        system.states, surface, tuple(told), unit * grid, growth, frequency, gain / unit, between,
         system.parameters.others(parameters),
     )  # fmt: skip
 

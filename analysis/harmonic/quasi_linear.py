@@ -152,6 +152,16 @@ def lure(system: System, surface: str, parameters: Mapping[str, float] | None = 
     return Lure(system.states, matrix, row, offset, evaluate, guard, cuts, widths, slopes)
 
 
+def width_unit(system: System, surface: str, parameters: Mapping[str, float] | None) -> float:
+    """The width by which the h of a surface is divided in the system, 1 where it is not."""
+    form = system.symbolic
+    width = None if form is None or not form.widths else form.widths[system.surface_index(surface)]
+    if form is None or width is None:
+        return 1.0
+    values = dict(zip(form.p, system.parameters.resolve(parameters).tolist(), strict=True))
+    return float(width.xreplace(values))
+
+
 def _switches(
     system: System, h: list[Expr], y: Symbol
 ) -> tuple[Callable[[Array], Array], tuple[float, ...], Array]:
