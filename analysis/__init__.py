@@ -35,6 +35,7 @@ EXPORTS: dict[str, str] = {
     "returns": "maps.returns",
     "Section": "maps.section",
     "Stroboscope": "maps.stroboscope",
+    "period_map": "diagrams.period_map",
     "find_homoclinic": "orbits.homoclinic",
     "Orbit": "orbits.orbit",
     "find_orbit": "orbits.orbit_search",

@@ -13,6 +13,7 @@ from filippov.analysis.comparisons.solutions import compare_motions, compare_sol
 from filippov.analysis.diagrams.basin import basin
 from filippov.analysis.diagrams.bifurcation import bifurcation
 from filippov.analysis.diagrams.brute_force import brute_force
+from filippov.analysis.diagrams.period_map import period_map
 from filippov.analysis.diagrams.regions import regions
 from filippov.analysis.estimation.friction_curve import friction_force, identify_curve
 from filippov.analysis.estimation.identification import identify
@@ -79,6 +80,7 @@ __all__ = [
     "linearise",
     "lyapunov",
     "manifold",
+    "period_map",
     "read_record",
     "regions",
     "relay_loop",

@@ -183,38 +183,19 @@ def calls(folder: Path) -> dict[str, Call]:
             },
             quick=False,
         ),
-        "regions": Call(
-            an.regions,
-            {
-                **of_section,
-                "x": ("a", [0.4, 0.5]),
-                "y": ("c", [0.2, 0.3]),
-                "interval": (0.0, 3.0),
-                "parameters": {"k": 1.0},
-                "order": 1,
-                "points": 8,
-                "rtol": 1e-8,
-                "borders": (),
-                "threads": 1,
-                "engine": None,
-                "progress": None,
-            },
-            quick=False,
-        ),
-        "gain_map": Call(
-            an.gain_map,
-            {
-                **of_section,
-                "x": ("a", [0.4, 0.5]),
-                "y": ("c", [0.2, 0.3]),
-                "interval": (0.0, 3.0),
-                "parameters": {"k": 1.0},
-                "band": ({},),
-                "points": 8,
-                "progress": None,
-            },
-            quick=False,
-        ),
+        "regions": Call(an.regions, {
+            **of_section, "x": ("a", [0.4, 0.5]), "y": ("c", [0.2, 0.3]), "interval": (0.0, 3.0),
+            "parameters": {"k": 1.0}, "order": 1, "points": 8, "rtol": 1e-8, "borders": (), "threads": 1,
+            "engine": None, "progress": None,
+        }, quick=False),
+        "period_map": Call(an.period_map, {
+            **of_section, "x": ("a", [0.4, 0.5]), "y": ("c", [0.2, 0.3]), "x0": (1.0, 0.0),
+            "parameters": {"k": 1.0}, "transient": 2, "keep": 2, "rtol": 1e-8, "progress": None,
+        }, quick=False),
+        "gain_map": Call(an.gain_map, {
+            **of_section, "x": ("a", [0.4, 0.5]), "y": ("c", [0.2, 0.3]), "interval": (0.0, 3.0),
+            "parameters": {"k": 1.0}, "band": ({},), "points": 8, "progress": None,
+        }, quick=False),
         "tune": Call(
             an.tune,
             {

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from filippov import Input, ModelError, System, chirp, solve, states
+from filippov.app.cli.main import main
 
 X = states("x")
 GOOD = "0,1\n1,-2\n2,3\n5,3\n"  # held: 1 - 2 + 3*3 = 8
@@ -84,3 +85,26 @@ def test_16_h_options_of_pandas(option: str, tmp_path: Path) -> None:
 def test_16_h_a_chirp_takes_time(duration: float) -> None:
     with pytest.raises(ModelError, match=r"duration is .*expected a number > 0"):
         chirp(1, 2, duration)
+
+
+@pytest.mark.parametrize(("words", "told"), [
+    (["identify", "{file}"], "semicolons, expected commas"),
+    (["simulate", "{model}", "--input", "F={file}"], "pandas.read_csv('u.csv', sep=';', decimal=',')"),
+    (["simulate", "{model}", "-p", "F=1,5"], "'F=1,5', in which '5' has no name"),
+    (["sweep", "{model}", "--vary", "F=0,1,2"], "values of a sweep are LOW:HIGH:COUNT"),
+    (["orbit", "{model}", "--x0", "0", "--period", "abc"], "period is 'abc'"),
+    (["simulate", "{many}", "--t-span", "0", "1"], "a1=...,... (a value for each of the 20"),
+])  # fmt: skip
+def test_16_f_commands(
+    words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "u.csv").write_text("t;F\n0,0;1,5\n1,0;2,5\n")
+    (tmp_path / "own.py").write_text(
+        "from filippov import System, cos, parameters, states, t\n"
+        "x = states('x')\np = parameters(F=1)\nsystem = System({x: -x + p.F*cos(t)})\n"
+        "many = System({a: -a for a in states(' '.join(f'a{k}' for k in range(20)))})\n"
+    )
+    own = f"{tmp_path}/own.py"
+    names = {"file": tmp_path / "u.csv", "model": f"{own}:system", "many": f"{own}:many"}
+    assert main([word.format(**names) for word in words]) in (1, 2)
+    assert told in capsys.readouterr().err

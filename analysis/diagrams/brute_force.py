@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from filippov.analysis.maps.find_section import find_section
 from filippov.analysis.maps.map_rows import MapRows
-from filippov.analysis.maps.returns import coordinate_of, returns
+from filippov.analysis.maps.returns import Returns, coordinate_of, returns
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.analysis.steady.forcing import is_forced
@@ -21,9 +21,12 @@ from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
 from filippov.model.system import System
+from filippov.solving.solver import solve
 
 Array = npt.NDArray[np.float64]
 REST = 1e-8
+# What a coordinate may be wrong by, in units of rtol of its size.
+NOISE = 10.0
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,8 @@ class BruteForce(Shown):
     parameter, values   what is varied, (k,)
     d        iterates kept, (k, keep); NaN after a solution that does not return; where a solution without a
              parametrisation comes to rest, the coordinate at which it does
-    period   least p with d[i + p] = d[i] to 1e-6 of the range of d, 0 where there is none up to half of keep
+    period   least p with d[i + p] = d[i] to 1e-6 of the range of d or 10 rtol of its size along
+             the solution, 0 where there is none up to half of keep
     complete False where it was interrupted
     notes    for each value, of a solution without a parametrisation, why it did not return so often; "" where
              it did
@@ -130,7 +134,7 @@ def brute_force(
     except KeyboardInterrupt:
         complete = False
     others = system.parameters.others(parameters, (parameter,))
-    return BruteForce(parameter, grid, d, _periods(d), complete, (), section, others)
+    return BruteForce(parameter, grid, d, _periods(d, rtol * _largest(d)), complete, (), section, others)
 
 
 def first_section(
@@ -161,6 +165,7 @@ def _along_solutions(
     if follow:
         _same_phase(system, section, [{**parameters, parameter: value} for value in grid.tolist()])
     d, notes, state = np.full((grid.size, keep), np.nan), [""] * grid.size, x0
+    noise = np.zeros(grid.size)
     complete = True
     try:
         for k, value in enumerate(grid.tolist()):
@@ -171,6 +176,7 @@ def _along_solutions(
             if found.rests:
                 d[k, len(got) :] = coordinate_of(section, system).read(found.x_end[None])[0]
             notes[k] = found.message
+            noise[k] = options["rtol"] * _reach(system, section, found, here, options["rtol"])
             if follow and (len(got) or found.rests):
                 state = found.x[-1] if len(got) else found.x_end
             if progress is not None:
@@ -178,7 +184,8 @@ def _along_solutions(
     except KeyboardInterrupt:
         complete = False
     others = system.parameters.others(parameters, (parameter,))
-    return BruteForce(parameter, grid, d, _periods(d), complete, tuple(notes), section, others)
+    periods = _periods(d, noise)
+    return BruteForce(parameter, grid, d, periods, complete, tuple(notes), section, others)
 
 
 def _same_phase(
@@ -198,13 +205,38 @@ def _same_phase(
         )
 
 
-def _periods(d: Array) -> npt.NDArray[np.int64]:
+def _largest(d: Array) -> float:
+    return float(np.max(np.abs(d[np.isfinite(d)]), initial=0.0))
+
+
+def _reach(
+    system: System, section: Section | Stroboscope, found: Returns, parameters: Mapping[str, float],
+    rtol: float,
+) -> float:  # fmt: skip
+    """The largest coordinate along one return from the last event: it may be small at the events alone."""
+    reach = _largest(found.d)
+    if len(found.t) < 2:
+        return reach
+    try:
+        run = solve(
+            system, found.x[-1], (found.t[-1], 2 * found.t[-1] - found.t[-2]), parameters=parameters,
+            rtol=rtol, zeno="continue", dense_output=False,
+        )  # fmt: skip
+    except UsageError:  # an input that is known no further
+        return reach
+    return max(reach, _largest(coordinate_of(section, system).read(run.y.T)))
+
+
+def _periods(d: Array, noise: Array | float) -> npt.NDArray[np.int64]:
+    """noise: what a coordinate may be wrong by, by rows, in units of NOISE."""
     known = d[np.isfinite(d)]
     size = float(np.ptp(known)) if known.size else 0.0
+    # A coordinate that is the same at every event, as where a slide ends, differs by what the runs leave.
+    limits = np.maximum(1e-6 * size, NOISE * np.broadcast_to(noise, len(d)))
     out = np.zeros(len(d), dtype=np.int64)
-    for i, row in enumerate(d):
+    for i, (row, same) in enumerate(zip(d, limits, strict=True)):
         for p in range(1, row.size // 2 + 1):
-            if np.all(np.abs(row[p:] - row[:-p]) <= 1e-6 * size):
+            if np.all(np.abs(row[p:] - row[:-p]) <= same):
                 out[i] = p
                 break
     return out

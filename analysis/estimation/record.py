@@ -15,6 +15,7 @@ from filippov.base.errors import UsageError
 from filippov.base.keywords import constructor, keywords
 from filippov.base.names import closest
 from filippov.base.read_whole import read_text
+from filippov.model.signals.columns import refuse_other_marks
 
 Array = npt.NDArray[np.float64]
 LARGEST = 5_000_000
@@ -88,7 +89,9 @@ def read_record(path: str | Path) -> Record | Curve:
 def _columns(path: Path) -> dict[str, Array]:
     try:
         file = io.StringIO(read_text(path, LARGEST_FILE), newline="")
-        rows = csv.reader(line for line in file if not line.startswith("#"))
+        lines = [line for line in file if not line.startswith("#")]
+        refuse_other_marks(path, list(csv.reader(lines[:3])), UsageError)
+        rows = csv.reader(lines)
         header = [_name(cell, path) for cell in next(rows, [])]
         if len(set(header)) != len(header):
             raise UsageError(f"{path}: a column is there twice: {', '.join(header)}.")

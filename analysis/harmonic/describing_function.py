@@ -145,7 +145,7 @@ def describing_function(
     grid = np.geomspace(max(low, least * (1 + EDGE)), high, LEVELS)
     balance = _Balance(split)
     spectra = [balance.spectrum(amplitude) for amplitude in grid]
-    gain = np.array([balance.gain(amplitude) for amplitude in grid]).T
+    gain: ComplexArray = np.array([balance.gain(amplitude) / unit for amplitude in grid]).T
     cycles = []
     for k, values in enumerate(spectra):
         for value in values[_sides(values) != 0]:
@@ -165,7 +165,7 @@ def describing_function(
     ]  # fmt: skip
     between = tuple((unit * a, unit * b) for a, b in neutral)
     return DescribingFunction(
-        system.states, surface, tuple(told), unit * grid, growth, frequency, gain / unit, between,
+        system.states, surface, tuple(told), unit * grid, growth, frequency, gain, between,
         system.parameters.others(parameters),
     )  # fmt: skip
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import sympy
 
 from filippov.analysis.algebra.polynomial import exact
-from filippov.base.errors import UsageError
+from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import positive
 from filippov.base.signature import check_signature
 from filippov.model.expression import parse_expression
@@ -103,7 +103,11 @@ class Period:
             self.text = None
         if isinstance(given, str):
             symbols = {name: sympy.Symbol(name, real=True) for name in system.parameters}
-            given = parse_expression(given, symbols)
+            try:
+                given = parse_expression(given, symbols)
+            except ModelError as error:
+                told = f"period is {self.text!r}, expected a number or a formula"
+                raise UsageError(f"{told}: {error}") from None
         if isinstance(given, sympy.Expr):
             self._value, self._slopes = self._compile(given)
         elif callable(given):

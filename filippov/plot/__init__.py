@@ -17,7 +17,7 @@ EXPORTS: dict[str, str] = {
     "plot_manifold": "manifold",
     **dict.fromkeys(("plot_diagram", "plot_event_map", "plot_iterates"), "maps"),
     "plot_orbit": "orbits",
-    **dict.fromkeys(("plot_basin", "plot_regions"), "regions"),
+    **dict.fromkeys(("plot_basin", "plot_periods", "plot_regions"), "regions"),
     **dict.fromkeys(("plot_phase", "plot_solution"), "solution"),
     **dict.fromkeys(("plot_motions", "plot_solution_comparison"), "solution_comparison"),
     "plot_tree": "tree",

@@ -11,7 +11,7 @@ from filippov.plot.lyapunov import plot_brute_force, plot_lyapunov
 from filippov.plot.manifold import plot_manifold
 from filippov.plot.maps import plot_diagram, plot_event_map, plot_iterates
 from filippov.plot.orbits import plot_orbit
-from filippov.plot.regions import plot_basin, plot_regions
+from filippov.plot.regions import plot_basin, plot_periods, plot_regions
 from filippov.plot.solution import plot_phase, plot_solution
 from filippov.plot.solution_comparison import plot_motions, plot_solution_comparison
 from filippov.plot.tree import plot_tree
@@ -35,6 +35,7 @@ __all__ = [
     "plot_manifold",
     "plot_motions",
     "plot_orbit",
+    "plot_periods",
     "plot_phase",
     "plot_regions",
     "plot_solution",

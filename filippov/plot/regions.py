@@ -72,6 +72,43 @@ def plot_regions(
     return drawn
 
 
+@keywords()
+def plot_periods(
+    result: Any, *, labels: Mapping[str, str] | None = None, title: str = "", figure: Figure | None = None
+) -> Figure:
+    """The period that the solution settles to in every cell, by colour.
+
+    result  what `filippov.analysis.diagrams.period_map.period_map` returned
+    labels  labels with units, by name of parameter
+    """
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    with style():
+        drawn = figure if figure is not None else new_figure(6.4, 4.2)
+        ax = drawn.subplots()
+        found = np.unique(result.period).tolist()
+        periods = [n for n in found if n > 0]
+        tints = {0: ("no period found", GREY), -1: ("not computed", PALE)}
+        for k, n in enumerate(periods[: len(BASINS)]):
+            tints[n] = (f"period {n}", BASINS[k])
+        for n in periods[len(BASINS) :]:
+            tints[n] = (f"period above {periods[len(BASINS) - 1]}", INK)
+        place = {n: number for number, n in enumerate(found)}
+        kinds = np.vectorize(place.__getitem__, otypes=[int])(result.period)
+        ax.pcolormesh(
+            result.x, result.y, kinds, cmap=ListedColormap([tints[n][1] for n in found]), vmin=-0.5,
+            vmax=len(found) - 0.5, shading="nearest", rasterized=True,
+        )  # fmt: skip
+        shown = dict.fromkeys(tints[n] for n in found)
+        _name_axes(ax, result.names, labels)
+        ax.set(title=title)
+        drawn.legend(
+            handles=[Patch(facecolor=tint, label=name) for name, tint in shown], loc="outside right upper"
+        )
+    return drawn
+
+
 def _name_axes(ax: Any, names: Sequence[str], labels: Mapping[str, str] | None) -> None:
     check_known("label", labels or {}, names, UsageError)
     text = {name: name for name in names} | dict(labels or {})

@@ -29,6 +29,7 @@ from filippov.app.cli.values import (
     formulas,
     named_ranges,
     number,
+    number_or_formula,
     one_of,
     pair,
     switch,
@@ -160,6 +161,11 @@ def _check(given: Iterable[str], known: Sequence[str], where: str) -> None:
             raise UsageError(f"{where}: {unknown('setting', key, known)}")
 
 
+STROBE = (
+    Option("period", "once per period of a forced system: T, a number or a formula such as 2*pi/omega; "
+           "default: read off the forcing", number_or_formula, metavar="T"),
+    Option("clock", "once per tick of this time event, after its reset", text, metavar="NAME"),
+)  # fmt: skip
 COMMON = (
     Option("config", "TOML file with settings by name; flags go before it", text, metavar="FILE.toml"),
     Option("output", "folder for the files, made if missing", text, metavar="DIR", flags=("-o", "--output")),

@@ -18,6 +18,9 @@ from filippov.plot.style import axis_label
 from filippov.solving.state.options import check_state, falls
 from filippov.solving.state.problem import Problem
 
+# States that a message names one by one.
+MOST_NAMED = 6
+
 
 @dataclass(frozen=True)
 class Loaded:
@@ -62,7 +65,7 @@ class Loaded:
         span = settings.get("t_span") or self.t_span
         if span is None:
             also = self.x0 is None and settings.get("x0") is None
-            state = f" and --x0 {self._blanks()}" if also else ""
+            state = f" and --x0 {self.blanks()}" if also else ""
             raise UsageError(
                 f"{self.name} has no time span{' and no initial state' if also else ''} of its own; give "
                 f"--t-span T0 T1{state}."
@@ -76,14 +79,19 @@ class Loaded:
         backward = backward or falls(span)
         return Problem(self.system, state, span, values, backward)
 
-    def _blanks(self) -> str:
-        return ",".join(f"{name}=..." for name in self.system.states)
+    def blanks(self) -> str:
+        """What is to be written after --x0."""
+        names = self.system.states
+        if len(names) <= MOST_NAMED:
+            return ",".join(f"{name}=..." for name in names)
+        first = ",".join(f"{name}=..." for name in names[:2])
+        return f"{first},... (a value for each of the {len(names)} states, or all in order: 0,0,...)"
 
     def state(self, given: Any) -> Any:
         """An initial state: what is given, by name over the model's own."""
         if given is None:
             if self.x0 is None:
-                raise UsageError(f"{self.name} has no initial state of its own; give --x0 {self._blanks()}.")
+                raise UsageError(f"{self.name} has no initial state of its own; give --x0 {self.blanks()}.")
             return self.x0
         if isinstance(given, dict) and self.x0 is not None:
             own = dict(zip(self.system.states, check_state(self.x0, self.system).tolist(), strict=True))

@@ -8,11 +8,12 @@ import numpy as np
 
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
-from filippov.app.cli.model import load_model
-from filippov.app.cli.sections.maps import interval_of, section_of
+from filippov.app.cli.model import Loaded, load_model, loaded_of
+from filippov.app.cli.sections.along import OF_A_STROBE, follows_solution, section_along
+from filippov.app.cli.sections.maps import CONDITION, PARTS, interval_of, section_of
 from filippov.app.cli.sweep import engine
 from filippov.base.errors import UsageError
-from filippov.plot.regions import plot_basin, plot_regions
+from filippov.plot.regions import plot_basin, plot_periods, plot_regions
 
 
 def _axes(settings: dict[str, Any], what: str) -> list[tuple[str, list[float]]]:
@@ -29,9 +30,11 @@ def _axes(settings: dict[str, Any], what: str) -> list[tuple[str, list[float]]]:
 
 def run_regions(settings: dict[str, Any], console: Console) -> int:
     """Write the cells as rows and as a picture; after Ctrl-C those that are done."""
-    loaded = load_model(settings["model"])
+    loaded = loaded_of(settings)
     values = loaded.values(settings["parameters"])
     x, y = _axes(settings, "parameters")
+    if _follows(loaded, settings):
+        return _run_periods(loaded, settings, console, x, y, values)
     section, interval = section_of(loaded, settings, "positive"), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
     from filippov.analysis.diagrams import regions as module
@@ -54,6 +57,50 @@ def run_regions(settings: dict[str, Any], console: Console) -> int:
     )]  # fmt: skip
     folder.csv("regions.csv", columns, zip(*cells, strict=True))
     folder.picture("regions.png", lambda: plot_regions(
+        result, labels=loaded.labels(*result.names), title=loaded.title,
+    ))  # fmt: skip
+    folder.report()
+    return 0 if result.complete else 130
+
+
+def _follows(loaded: Loaded, settings: dict[str, Any]) -> bool:
+    """Whether solutions from one state are followed: a state or a strobe is given, or the model is forced."""
+    parts = (*(name for name in PARTS if name != "coordinate"), CONDITION, "interval")
+    named = any(settings.get(name) is not None for name in parts)
+    own = getattr(loaded.model, "section", None)
+    if named or own is not None or settings["x0"] is not None or loaded.x0 is None:
+        asked = any(settings[name] is not None for name in ("x0", *OF_A_STROBE))
+        return asked and follows_solution(loaded, settings)
+    from filippov.analysis.steady.forcing import is_forced
+
+    return is_forced(loaded.system)
+
+
+def _run_periods(
+    loaded: Loaded, settings: dict[str, Any], console: Console, x: Any, y: Any, values: dict[str, float]
+) -> int:
+    """Write the period in every cell as rows and as a picture."""
+    if settings["borders"]:
+        raise UsageError("--borders is for cycles of an event map; leave it out where --x0 is followed.")
+    section, x0 = section_along(loaded, settings, values, console, (x[0], x[1][0], x[1][-1]))
+    folder = Folder(settings["output"], console)
+    from filippov.analysis.diagrams.period_map import period_map
+
+    with console.progress("regions") as progress:
+        result = period_map(
+            loaded.system, section, x, y, x0, transient=settings["transient"], keep=settings["keep"],
+            rtol=settings["rtol"], progress=progress,
+            parameters={k: v for k, v in values.items() if k not in (x[0], y[0])},
+        )  # fmt: skip
+    data = {"model": loaded.name} | result.to_dict()
+    console.result(data)
+    console.say(str(result))
+    folder.json("regions.json", data)
+    grid = np.meshgrid(result.x, result.y)
+    cells = [a.ravel().tolist() for a in (*grid, result.period, result.d)]
+    notes = [note for row in result.notes for note in row]
+    folder.csv("regions.csv", (x[0], y[0], "period", "d", "note"), zip(*cells, notes, strict=True))
+    folder.picture("regions.png", lambda: plot_periods(
         result, labels=loaded.labels(*result.names), title=loaded.title,
     ))  # fmt: skip
     folder.report()

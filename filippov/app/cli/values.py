@@ -171,7 +171,13 @@ def named(value: Any, name: str) -> dict[str, Any]:
         for piece in parts(item) if isinstance(item, str) else [str(item)]:
             key, equals, text = piece.partition("=")
             if not equals or not key.strip() or not text.strip():
-                raise UsageError(f"{name} is {piece!r}, expected name=value.")
+                several = isinstance(item, str) and piece != item and not equals
+                cure = (
+                    " Names stand before every value, several with commas; a number has a decimal point, and "
+                    "values of a sweep are LOW:HIGH:COUNT." if several else ""
+                )
+                what = f"{item!r}, in which {piece!r} has no name" if several else repr(piece)
+                raise UsageError(f"{name} is {what}, expected name=value.{cure}")
             if key.strip() in found:
                 raise UsageError(f"{name}: {key.strip()} is given twice. Leave one of them out.")
             found[key.strip()] = text.strip()

@@ -32,7 +32,7 @@ def read_columns(
     rows = [row for _, row in numbered]
     if not rows:
         raise ModelError(f"{path}: the file is empty, expected lines such as 0.0,1.5.")
-    _refuse_other_marks(path, rows)
+    refuse_other_marks(path, rows)
     titles = [] if _numbers(rows[0]) is not None else [title.strip() for title in rows.pop(0)]
     if not rows:
         raise ModelError(f"{path}: below its titles it has no rows of numbers.")
@@ -69,15 +69,17 @@ def read_columns(
     return out
 
 
-def _refuse_other_marks(path: Path, rows: Sequence[Sequence[str]]) -> None:
-    """Raise ModelError for columns that are separated by something else than commas."""
+def refuse_other_marks(
+    path: Path, rows: Sequence[Sequence[str]], error: type[Exception] = ModelError
+) -> None:
+    """Raise `error` for columns that are separated by something else than commas."""
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if all(mark in ",".join(row) for row in rows[:3]):
-            raise ModelError(
+            raise error(
                 f"{path}: its columns are separated by {name}, expected commas, and numbers with a decimal "
-                f"point. Read it with pandas: table = pandas.read_csv({path.name!r}, sep={mark!r}"
-                f"{', decimal=' + repr(',') if mark == ';' else ''}), then "
-                "Input(name, table['t'], table['u'])."
+                f"point. Convert it: pandas.read_csv({path.name!r}, sep={mark!r}"
+                f"{', decimal=' + repr(',') if mark == ';' else ''})"
+                f".to_csv({'new-' + path.name!r}, index=False)."
             )
 
 

@@ -17,6 +17,8 @@ from filippov.solving.state.options import check_state
 
 # Settings of a section with a parametrisation.
 OF_A_COORDINATE = ("interval", "start")
+# Settings of the states once per period.
+OF_A_STROBE = ("period", "clock")
 
 
 def varied(loaded: Loaded, settings: dict[str, Any]) -> tuple[str, float, float]:
@@ -49,7 +51,7 @@ def follows_solution(loaded: Loaded, settings: dict[str, Any]) -> bool:
                 "--parametrisation says where a solution starts, and so does --x0; give one of them."
             )
         return False
-    if settings.get("x0") is not None:
+    if any(settings.get(name) is not None for name in ("x0", *OF_A_STROBE)):
         return True
     asked = any(settings.get(name) is not None for name in OF_A_COORDINATE)
     return getattr(loaded.model, "section", None) is None and not asked
@@ -74,16 +76,24 @@ def section_along(
                 "solution from --x0 is followed, or give --parametrisation."
             )
     system, given = loaded.system, {k: settings.get(k) for k in ("surface", "event", "after", "t_max")}
+    strobed = any(settings.get(name) is not None for name in OF_A_STROBE)
+    if strobed and any(value is not None for value in given.values()):
+        raise UsageError(
+            "--period and --clock are of the states once per period, --surface, --event, --after and --t-max "
+            "of an event; give one or the other."
+        )
     if loaded.x0 is None and settings.get("x0") is None:
         raise UsageError(
             f"{loaded.name} proposes no section, and has no initial state to find one from. Give --x0 "
-            f"{','.join(f'{name}=...' for name in system.states)}: what recurs along the solution is the "
+            f"{loaded.blanks()}: what recurs along the solution is the "
             "section; or give --surface, --event, --coordinate, --parametrisation "
             "and --interval."
         )
     x0 = check_state(loaded.state(settings.get("x0")), system)
     if given["surface"] is None and given["event"] is None and given["after"] is None:
-        if over is None:
+        if strobed:
+            found = _strobe(system, x0, settings, values)
+        elif over is None:
             found = find_section(system, x0, parameters=values, coordinate=settings.get("coordinate"))
         else:
             name, low, high = over
@@ -106,9 +116,21 @@ def section_along(
             raise UsageError(str(error)) from None
         return found, x0
     console.say(f"section: {told(found)}, read: {found.coordinate}")
-    if isinstance(found, Section):
-        console.say(f"the same by flags: {flags(found)} --x0={','.join(f'{v:.12g}' for v in x0)}")
+    console.say(f"the same by flags: {flags(found)} --x0={','.join(f'{v:.12g}' for v in x0)}")
     return found, x0
+
+
+def _strobe(system: Any, x0: Any, settings: dict[str, Any], values: dict[str, float]) -> Any:
+    """The states once per period, or per tick of a clock, that the flags describe."""
+    from filippov.analysis.maps.find_section import find_section
+    from filippov.analysis.maps.stroboscope import Stroboscope
+
+    period, clock, read = (settings.get(name) for name in (*OF_A_STROBE, "coordinate"))
+    if read is None:
+        read = find_section(system, x0, parameters=values, period=period).coordinate
+    made = Stroboscope(read, period, clock or "")
+    made.period_on(system)
+    return made
 
 
 def told(section: Any) -> str:
@@ -121,6 +143,10 @@ def flags(section: Any) -> str:
     read = str(section.coordinate)
     # "--coordinate -x" would read as two options.
     coordinate = [f"--coordinate={read}"] if read.startswith("-") else ["--coordinate", read]
+    if not hasattr(section, "kind"):
+        period = [] if section.period is None else ["--period", str(section.period)]
+        clock = ["--clock", section.clock] if section.clock else []
+        return shlex.join([*coordinate, *period, *clock])
     words = ["--surface", section.surface, "--event", section.kind, *coordinate,
              "--t-max", f"{section.t_max:.6g}"]  # fmt: skip
     return shlex.join(words)
@@ -144,7 +170,11 @@ def suggestion(loaded: Loaded, interval: str = "any") -> str:
     try:
         section = find_section(loaded.system, loaded.x0, parameters=values)
         if not isinstance(section, Section):
-            return ""
+            return (
+                " It is forced: its section is its state once per period, and no solution starts there from "
+                "one coordinate. `filippov attractors` tells basins, `filippov regions --x0` periods over "
+                "two parameters, `filippov diagram` and `filippov bifurcation` orbits over one."
+            )
         seen = returns(loaded.system, section, loaded.x0, 4, parameters=values)
         if interval != "any" and seen.d.size and not np.any(seen.d > 0):
             # The event the other way reads the coordinate on the other side; where none does, -x is read.
