@@ -8,7 +8,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from filippov import Problem, Sweep, System, UsageError, parameters, sign, solve, solve_many, states
+from filippov import (
+    ModelError,
+    Problem,
+    Sweep,
+    System,
+    UsageError,
+    UserEvent,
+    parameters,
+    sign,
+    solve,
+    solve_many,
+    states,
+)
+from filippov.analysis import EventMap, Section, brute_force
 from filippov.app import Explorer
 
 pandas = pytest.importorskip("pandas")
@@ -16,6 +29,7 @@ X, V = states("x v")
 P = parameters(k=4.0, mu=0.3)
 S = System({X: V, V: -P.k * X - P.mu * sign(V)})
 SPAN = (0, 3)
+SECTION = Section("v", "crossing up", "x", {"x": "-d", "v": "0"})
 WANTED = solve(S, (1.0, 0.25), SPAN).x_end
 
 
@@ -60,9 +74,14 @@ def test_16_f_many_states_with_names(start: Any) -> None:
     (lambda: solve(S, (1, 0), SPAN, FixedStep=0.1), "chosen by the tolerances"),
     (lambda: Explorer(S, x0=(1, 0), span=(0, 1)), "unknown option 'span'"),
     (lambda: solve(S, (1, 0), SPAN).to_pandas(10), "t_eval=times"),
+    (lambda: solve(S, (1, 0), SPAN).plot("x.png"), "solution.plot().savefig('x.png')"),
+    (lambda: UserEvent(lambda t, y: y[0], direction="up"), "direction is 'up', expected +1, -1 or 0"),
+    (lambda: brute_force(S, SECTION, "mu", [0.1], (1, 0)), "expected the coordinate x of the first return"),
+    (lambda: EventMap(S, Section("v", "crossing up", "x", {"x": "d", "w": "0"})), "unknown state 'w'"),
+    (lambda: S.with_inputs({"mu": [0, 1]}), "Input('mu', times, values)"),
 ])  # fmt: skip
 def test_16_f_what_is_said(call: Any, told: str) -> None:
-    with pytest.raises(UsageError) as caught:
+    with pytest.raises((UsageError, ModelError)) as caught:
         call()
     assert told in str(caught.value)
 

@@ -16,7 +16,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.errors import UsageError
-from filippov.base.given import Count, Natural, Positive
+from filippov.base.given import Count, Natural, Positive, as_float, shown
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
@@ -111,6 +111,12 @@ def brute_force(
             system, chosen, parameter, np.asarray(values, dtype=float), start, transient, keep,
             dict(parameters or {}), follow, {"rtol": rtol, "max_events": max_events}, progress,
         )  # fmt: skip
+    if as_float(start) is None:
+        raise UsageError(
+            f"start is {shown(start)}, expected the coordinate {section.coordinate} of the first return, as "
+            "the section has a parametrisation. A solution from a state is followed on a section without "
+            "one: replace(section, parametrisation=None), or None to find one."
+        )
     event_maps = MapRows(system, section, rtol=rtol, threads=threads)
     grid = np.asarray(values, dtype=float)
     rows = event_maps.rows({parameter: grid}, parameters)

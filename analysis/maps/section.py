@@ -224,14 +224,14 @@ def _compiled(
 ) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """The initial state for (d, parameters), and its derivative by d, in numpy."""
     formulas, symbols = dict(given), {name: sympy.Symbol(name, real=True) for name in parameters}
+    for name in formulas:
+        if name not in states:
+            raise UsageError(f"the parametrisation: {unknown('state', name, states)}")
     missing = [name for name in states if name not in formulas]
     if missing:
         raise UsageError(
             f"the parametrisation has no expression for state {', '.join(missing)}; give one for every state."
         )
-    for name in formulas:
-        if name not in states:
-            raise UsageError(unknown("state", name, states))
     names: dict[str, Any] = {**symbols, "d": D}
     rows = []
     for state in states:

@@ -15,7 +15,7 @@ from filippov.base.symbolic_value import is_expression, single
 from filippov.model.surface import Surface
 
 
-@constructor()
+@constructor(own=("terminal", "direction"))
 @dataclass(frozen=True)
 class UserEvent:
     """A root of g(t, y): every one is found, each once.

@@ -10,6 +10,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
+from filippov.base.given import shown
 from filippov.base.names import unknown
 from filippov.model.assemble import check_inputs, put_into_source, with_contacts
 from filippov.model.check import as_expression
@@ -58,6 +59,11 @@ def _values(system: Any, signals: Mapping[str, Any]) -> dict[Expr, Expr]:
     inputs = {node.samples.name for node in nodes}
     out: dict[Expr, Expr] = {}
     for name, given in signals.items():
+        if isinstance(given, list | tuple) or hasattr(given, "__array__"):
+            raise ModelError(
+                f"signal {name!r} is {shown(given)}, expected an Input or a formula in t: "
+                f"Input({name!r}, times, values)."
+            )
         e = as_expression(given, f"signal {name!r}")
         if not e.free_symbols <= {t}:
             strange = ", ".join(sorted(str(q) for q in e.free_symbols - {t}))

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 
+_PICTURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 _AT_TIMES = (
     "to_pandas takes no times: its rows are those of solution.t. At others solve with t_eval=times, or read "
     "solution.evaluate('x', times)."
@@ -289,6 +290,12 @@ class Solution:
         figure: Figure | None = None,
     ) -> Figure:  # fmt: skip
         """Time response of states and outputs, sliding phases marked (see `filippov.plot.solution`)."""
+        for name in (states,) if isinstance(states, str) else states or ():
+            if str(name).lower().endswith(_PICTURES):
+                raise UsageError(
+                    f"plot was given {name!r}, expected states; it returns the figure: "
+                    f"solution.plot().savefig({name!r})."
+                )
         drawn: Figure = delegate("Solution.plot")(
             self, states, multiplier=multiplier, labels=labels, events=events, points=points, title=title,
             figure=figure,

@@ -302,7 +302,7 @@ _ALL = (
         function="run_attractors", needs="filippov.analysis.invariant_sets.attractors",
     ),
     Command(
-        "manifold", "stable and unstable manifolds of a saddle or of an orbit: manifold.json, .csv, .png",
+        "manifold", "unstable or stable manifold of a saddle or of an orbit: manifold.json, .csv, .png",
         "attractors",
         (MODEL, PARAMETERS, START[0],
          _choice("side", "which of them", "unstable", "stable", "both", default="unstable"),
