@@ -75,7 +75,7 @@ def test_16_f_many_states_with_names(start: Any) -> None:
     (lambda: Explorer(S, x0=(1, 0), span=(0, 1)), "unknown option 'span'"),
     (lambda: solve(S, (1, 0), SPAN).to_pandas(10), "t_eval=times"),
     (lambda: solve(S, (1, 0), SPAN).plot("x.png"), "solution.plot().savefig('x.png')"),
-    (lambda: UserEvent(lambda t, y: y[0], direction="up"), "direction is 'up', expected +1, -1 or 0"),
+    (lambda: UserEvent(lambda t, y: y[0], direction="up"), "direction is 'up', expected a number: 1 where g"),
     (lambda: brute_force(S, SECTION, "mu", [0.1], (1, 0)), "expected the coordinate x of the first return"),
     (lambda: EventMap(S, Section("v", "crossing up", "x", {"x": "d", "w": "0"})), "unknown state 'w'"),
     (lambda: S.with_inputs({"mu": [0, 1]}), "Input('mu', times, values)"),

@@ -85,3 +85,10 @@ def test_11_14_widths_are_checked(tmp_path):
     assert read.system == system
     with pytest.raises(ModelError, match="width = w is -1"):
         solve(read.system, (1.0,), (0, 1), parameters={"w": -1})
+
+
+def test_a_surface_is_named_by_its_h_whatever_its_width():
+    for width in (p.w, 0.5):
+        system = thermostat(width)
+        assert system.surface_place("x - r") == (0, 1)
+        assert system.surface_place("r - x") == (0, -1)

@@ -38,7 +38,9 @@ def place_of(form: SymbolicForm, names: Sequence[str], text: str) -> tuple[int, 
     except ModelError:
         return None
     for i, h in enumerate(form.plain_h()):
-        known = decimal(h)
+        # Of a width that depends on parameters the system has h/width.
+        width = form.widths[i] if form.widths else None
+        known = decimal(h if width is None else h * width)
         if vanishes(known - asked):
             return i, 1
         if vanishes(known + asked):

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from filippov.base.errors import UsageError
+from filippov.base.given import as_float, shown
 from filippov.base.keywords import constructor
 from filippov.base.signature import check_signature
 from filippov.base.symbolic_value import is_expression, single
 from filippov.model.surface import Surface
 
 
-@constructor(own=("terminal", "direction"))
+@constructor(own=("direction",))
 @dataclass(frozen=True)
 class UserEvent:
     """A root of g(t, y): every one is found, each once.
@@ -54,11 +55,14 @@ class UserEvent:
                 f"event {self.name!r}: terminal is {self.terminal!r}, expected True, False or the number of "
                 "the occurrence that ends the run (1, 2, ...)."
             )
-        number = isinstance(self.direction, (int, float, np.integer, np.floating))
-        if not number or isinstance(self.direction, bool) or np.isnan(self.direction):
-            raise UsageError(f"event {self.name!r}: direction is {self.direction!r}, expected +1, -1 or 0.")
+        direction = as_float(self.direction)
+        if direction is None or np.isnan(direction):
+            raise UsageError(
+                f"event {self.name!r}: direction is {shown(self.direction)}, expected a number: 1 where g "
+                "rises, -1 where it falls, 0 for both."
+            )
         object.__setattr__(self, "terminal", int(self.terminal))
-        object.__setattr__(self, "direction", float(np.sign(self.direction)))
+        object.__setattr__(self, "direction", float(np.sign(direction)))
 
     @property
     def symbolic(self) -> bool:
