@@ -23,6 +23,7 @@ from filippov import (
 )
 from filippov.analysis import EventMap, Section, brute_force
 from filippov.app import Explorer
+from filippov.base import progress
 
 pandas = pytest.importorskip("pandas")
 X, V = states("x v")
@@ -110,3 +111,16 @@ def test_16_f_steps_without_end(function: Any) -> None:
 def test_16_f_a_column_is_varied() -> None:
     rows = Sweep(Problem(S, (1, 0), SPAN), vary={"mu": pandas.Series([0.1, 0.3], index=[7, 9])}).run()
     assert rows["mu"].tolist() == [0.1, 0.3]
+
+
+def test_16_d_a_search_of_unknown_length_tells_no_percentage(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    with progress.Progress("identify") as told:
+        told("3 evaluations, misfit 0.1")
+    with progress.Progress("sweep") as counted:
+        counted(1, 4)
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == "identify: 0 s - 3 evaluations, misfit 0.1"
+    assert second.startswith("sweep:  25 %, 0 s")

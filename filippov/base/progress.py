@@ -32,6 +32,7 @@ class Progress:
         self.title, self.shown = printable(title), shown
         self.started, self.last = time.monotonic(), -EVERY
         self.fraction, self.note = 0.0, ""
+        self.counted = False  # whether it is known how much there is to do
         self._bar: Any = None
         self._task: Any = None
         self._line = False
@@ -49,7 +50,7 @@ class Progress:
         if isinstance(done, str):
             self.note = printable(done)
         else:
-            self.fraction = min(1.0, max(0.0, done / total)) if total else 1.0
+            self.fraction, self.counted = min(1.0, max(0.0, done / total)) if total else 1.0, True
             self.note = printable(note) if note else self.note
         now = time.monotonic()
         if not self.shown or now - self.started < PATIENCE:
@@ -73,7 +74,8 @@ class Progress:
         spent = time.monotonic() - self.started
         note = f" - {self.note}" if self.note else ""
         left = f", about {spent / self.fraction - spent:.0f} s left" if 0.0 < self.fraction < 1.0 else ""
-        return f"{self.title}: {100 * self.fraction:3.0f} %, {spent:.0f} s{left}{note}"
+        share = f"{100 * self.fraction:3.0f} %, " if self.counted else ""
+        return f"{self.title}: {share}{spent:.0f} s{left}{note}"
 
     def _draw(self, now: float) -> None:
         if self._bar is None and not self._line:

@@ -41,7 +41,8 @@ def run(settings: dict[str, Any], console: Console) -> int:
         else:
             result = module.identify(
                 record, system, free, windows=settings["windows"], hold=settings["hold"],
-                progress=lambda count, misfit: progress(count, 0), **options,
+                progress=lambda count, misfit: progress(f"{count} evaluations, misfit {misfit:.3g}"),
+                **options,
             )  # fmt: skip
     console.say(str(result))
     data = {"data": settings["data"], "law": settings["law"]} | result.to_dict()
