@@ -11,7 +11,9 @@ import pytest
 
 from filippov import Problem, Surface, System, TimeEvent, UsageError, cos, exp, parameters, sign, states, t
 from filippov.analysis import Section, Stroboscope, brute_force, period_map
+from filippov.app import Explorer
 from filippov.app.cli.main import main
+from filippov.app.cli.sections.along import where_read
 
 X, V = states("x v")
 P = parameters(F=1.0, w=1.4, c=0.05, mu=0.3)
@@ -111,3 +113,13 @@ def test_16_a_axes_are_checked() -> None:
         period_map(FORCED, None, ("Fx", [1, 2]), ("w", [1, 2]), (0, 0))
     with pytest.raises(UsageError, match="expected two parameters"):
         period_map(FORCED, None, ("F", [1, 2]), ("F", [1, 2]), (0, 0))
+
+
+def test_16_a_axes_say_where_a_coordinate_is_read() -> None:
+    """Once a period for a strobe, at the event for a section: in the explorer and of the command."""
+    page = Explorer(FORCED, x0=(0.5, 0), t_span=(0, 20))
+    assert page.figures()["map"]["layout"]["xaxis"]["title"]["text"] == "d: x once a period"
+    belt = Explorer(BELT, x0=(0, 0), t_span=(0, 20))
+    assert belt.figures()["map"]["layout"]["xaxis"]["title"]["text"] == "d: x at the event"
+    assert where_read(Stroboscope("y", clock="tick"), 2) == ("once a period, after 'tick'", "2 periods later")
+    assert where_read(Section("v", "crossing up", "x")) == ("at the event", "at event 1 after it")

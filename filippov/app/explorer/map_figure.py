@@ -44,7 +44,8 @@ def map_figure(view: View, found: MapData) -> Figure:
     ]
     name, returns = coordinate(view), view["order"]
     after = "one return later" if returns == 1 else f"{returns} returns later"
-    axes = {"x": {"title": {"text": f"d: {name} at the event"}, "range": ends.tolist()},
+    where = "at the event" if hasattr(view.subject.section, "kind") else str(view.subject.section)
+    axes = {"x": {"title": {"text": f"d: {name} {where}"}, "range": ends.tolist()},
             "y": {"title": {"text": f"{image}: {after}"}}}  # fmt: skip
     return figure(data, axes, height=HEIGHT, hovermode="closest")
 

@@ -10,7 +10,7 @@ import numpy as np
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded, loaded_of
-from filippov.app.cli.sections.along import follows_solution, section_along, suggestion, varied
+from filippov.app.cli.sections.along import follows_solution, section_along, suggestion, varied, where_read
 from filippov.app.cli.sections.return_pairs import run_return_pairs
 from filippov.app.cli.sweep import engine
 from filippov.base.errors import ModelError, UsageError
@@ -148,7 +148,8 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
     )
     folder.json("bifurcation.json", data)
     shown = loaded.labels(parameter, section.coordinate)
-    labels = {"parameter": shown[parameter], "d": f"{shown[section.coordinate]} at the event"}
+    here, _ = where_read(section)
+    labels = {"parameter": shown[parameter], "d": f"{shown[section.coordinate]} {here}"}
     folder.picture("bifurcation.png", lambda: plot_diagram(diagram, title=loaded.title, labels=labels))
     folder.report()
     return 0

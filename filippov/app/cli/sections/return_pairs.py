@@ -7,7 +7,7 @@ from typing import Any
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded
-from filippov.app.cli.sections.along import section_along
+from filippov.app.cli.sections.along import section_along, where_read
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.plot.maps import plot_returns
 
@@ -55,7 +55,8 @@ def run_return_pairs(loaded: Loaded, settings: dict[str, Any], console: Console)
     folder.json("fixed_points.json", data)
     if d.size:
         name = loaded.labels(str(section.coordinate)).get(str(section.coordinate), str(section.coordinate))
-        labels = {"d": f"{name} at the event", "image": f"{name} at event {order} after it"}
+        here, later = where_read(section, order)
+        labels = {"d": f"{name} {here}", "image": f"{name} {later}"}
         folder.picture("map.png", lambda: plot_returns(d, image, fixed=points, labels=labels,
                                                        title=loaded.title))  # fmt: skip
     folder.report()
