@@ -54,6 +54,7 @@ eigvals = _named(np.linalg.eigvals, "finding eigenvalues")
 eigvalsh = _named(np.linalg.eigvalsh, "finding eigenvalues")
 cholesky = _named(np.linalg.cholesky, "factoring a matrix")
 roots = _named(np.roots, "finding roots of a polynomial")
+matrix_balance = _named(scipy.linalg.matrix_balance, "balancing a matrix")
 null_space = _named(scipy.linalg.null_space, "finding a null space")
 # values, left and right eigenvectors
 eig_both = _named(lambda matrix: scipy.linalg.eig(matrix, left=True, right=True), "finding eigenvalues")
@@ -66,8 +67,11 @@ def _expm(matrix: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
     scipy's function of this name hands matrices of any size to threads: one of 3 x 3 may take 10 ms where
     other work keeps the cores busy. Source: Moler & Van Loan 2003, "Nineteen dubious ways to compute the
-    exponential of a matrix", method 3.
+    exponential of a matrix", method 3. It is taken in units of the states in which the
+    matrix is balanced (there, section 8): its errors are relative to its norm.
     """
+    units = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)[1][0]
+    matrix = matrix * units / units[:, None]
     identity = np.eye(len(matrix))
     k = max(0, int(np.frexp(np.max(np.sum(np.abs(matrix), axis=0), initial=0.0))[1]) + 1)
     part = 0.5**k * matrix
@@ -76,7 +80,8 @@ def _expm(matrix: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         out = identity + part @ out / j
     for _ in range(k):
         out = out @ out
-    return out
+    balanced: npt.NDArray[np.float64] = out * units[:, None] / units
+    return balanced
 
 
 expm = _named(_expm, "taking a matrix exponential")

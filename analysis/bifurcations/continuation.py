@@ -35,6 +35,7 @@ from filippov.analysis.bifurcations.cycle_end import cycle_end
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.normal_form import described
 from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.map_units import finer
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import refine
 from filippov.base.errors import UsageError
@@ -129,8 +130,8 @@ def _problem(
         event_map, d = start
         at = float(event_map.parameters[parameter] if value is None else value)
         others = {k: v for k, v in event_map.parameters.items() if k != parameter}
-        fine = event_map.remake(rtol=min(event_map.rtol, 1e-11), atol=min(event_map.atol, 1e-13))
-        return MapProblem(fine.remake(parameters={parameter: at}), parameter, float(d)), at, others
+        fine = finer(event_map.remake(parameters={parameter: at}), float(d), 2e-12)
+        return MapProblem(fine, parameter, float(d)), at, others
     if mode is None:
         raise UsageError("the start is a state; an equilibrium needs its mode=, such as '+0'.")
     p = system.parameters.resolve(parameters)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.first_return import MOST_STEPS
+from filippov.analysis.maps.map_units import map_units
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
 from filippov.base.given import Axis, Count, Interval, Positive, Values
@@ -117,9 +118,9 @@ def basin(
             f"the axes are {x[0]!r} and {y[0]!r}, held are {', '.join(others) or 'none'}: expected two "
             "states, and others in `at`."
         )
-    # The interval tells the unit of length.
-    unit = min(1.0, max(abs(interval[0]), abs(interval[1]))) or 1.0
-    event_map = EventMap(system, section, parameters=parameters, order=order, atol=1e-12 * unit)
+    event_map = EventMap(system, section, parameters=parameters, order=order)
+    # The interval tells the units.
+    unit = map_units(event_map, max(*interval, key=abs)).size
     place, surface = event_map.bound.index, event_map.bound.surface
     pieces = event_map.basins(*interval, points)
     found_at = [p.attractor for p in pieces if p.attractor is not None]
@@ -165,7 +166,7 @@ def basin(
 
 
 def _by_engine(
-    event_map: EventMap, states: Array, rtol: float, unit: float, engine: Mapping[str, Any],
+    event_map: EventMap, states: Array, rtol: float, unit: Array, engine: Mapping[str, Any],
     progress: Callable[[int, int], None] | None,
 ) -> tuple[Array, Array, bool]:
     """Coordinates of first events, whether the solution rests there (NaN: not computed), and completeness."""

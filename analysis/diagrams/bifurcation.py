@@ -23,18 +23,22 @@ from filippov.analysis.diagrams.diagram import Diagram, DiagramBranch, Special
 from filippov.analysis.diagrams.orbit_diagram import orbit_diagram
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
+from filippov.analysis.maps.map_units import finer
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.set_slope import log_slope
 from filippov.analysis.maps.stroboscope import Stroboscope
 from filippov.base.errors import UsageError
-from filippov.base.given import Count, Interval, NonNegative, Positive
+from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
+from filippov.solving.state.option_types import Tolerance
 from filippov.sweep.run import run
 
 # Points of a curve of fixed points between two neighbouring values.
 MOST_POINTS = 100
+# Folds that are nearer to each other, in parts of the range of values, are one.
+_SAME = 1e-9
 
 
 @keywords()
@@ -50,7 +54,7 @@ def bifurcation(
     order: Count = 2,
     points: Count = 400,
     rtol: Positive = 1e-10,
-    atol: NonNegative = 1e-12,
+    atol: Tolerance | None = None,
     engine: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Diagram:
@@ -83,7 +87,8 @@ def bifurcation(
     ordered = sorted(float(v) for v in values)
     found: list[tuple[FixedPoint, ...]] = []
     if engine is not None:
-        options = {"order": order, "rtol": rtol, "atol": atol}
+        written = None if atol is None else np.asarray(atol, dtype=float).tolist()
+        options = {"order": order, "rtol": rtol, "atol": written}
         unit = system.parameters[parameter].unit
         work = DiagramWork(
             system, section, (parameter,), np.array(ordered)[:, None], interval, points, options,
@@ -138,11 +143,12 @@ def _folds(
     base: EventMap, name: str, values: Sequence[float], found: Sequence[tuple[FixedPoint, ...]]
 ) -> list[Special]:
     out: list[Special] = []
+    width = abs(values[-1] - values[0])
     for i in range(len(values) - 1):
         for one, other in ((i, i + 1), (i + 1, i)):
             for pair in _lost_pairs(found[one], found[other]):
                 fold = _first(base, name, values[one], values[other], pair[0].d, "fold")
-                if fold is not None and all(abs(fold.value - s.value) > 1e-9 for s in out):
+                if fold is not None and all(abs(fold.value - s.value) > _SAME * width for s in out):
                     left = max(fold.residual, abs(fold.multipliers[0] - 1.0))
                     d = fold.coordinates[base.section.coordinate]
                     out.append(Special("fold", fold.value, d, left, "two limit cycles meet"))
@@ -151,7 +157,8 @@ def _folds(
 
 def _first(base: EventMap, name: str, here: float, there: float, d: float, kind: str) -> BranchPoint | None:
     """The first point of a kind on the curve of fixed points from (here, d) on, before it is `there`."""
-    at, bounds = base.remake(parameters={name: here}, rtol=1e-13, atol=1e-15), sorted((here, there))
+    at = finer(base.remake(parameters={name: here}), d, 1e-13)
+    bounds = sorted((here, there))
     try:
         run = continuation(
             at.system, (at, d), parameter=name, bounds=(bounds[0], bounds[1]),
@@ -194,7 +201,8 @@ def _set_changes(
         last = i == len(values) - 2
         if beyond[0] * beyond[1] > 0 or (beyond[1] == 0 and not last) or beyond == [0.0, 0.0]:
             continue
-        value = float(brentq(excess, values[i], values[i + 1], xtol=1e-11, rtol=1e-14))
+        ends = values[i], values[i + 1]
+        value = float(brentq(excess, *ends, xtol=1e-12 * abs(ends[1] - ends[0]), rtol=1e-14))
         out.append(Special("set stability change", value, 0.0, abs(excess(value)), "|slope| = 1 at the set"))
     return out
 

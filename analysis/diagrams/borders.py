@@ -38,6 +38,7 @@ def exact_borders(
     x: tuple[str, Sequence[float]],
     y: tuple[str, Sequence[float]],
     amplitude: Array,
+    hi: float,
     *,
     parameters: Mapping[str, float] | None = None,
     order: int = 2,
@@ -45,12 +46,15 @@ def exact_borders(
     """(name, points (k, 2) in x and y) of the curves that were found within the axes.
 
     amplitude  d of the largest stable cycle in each cell (len(y), len(x)), NaN without one: where a branch
-               is begun. The other arguments are those of `filippov.analysis.diagrams.regions.regions`
+               is begun
+    hi         the end of the interval of coordinates
+
+    The other arguments are those of `filippov.analysis.diagrams.regions.regions`.
     """
     across, up = np.asarray(x[1], dtype=float), np.asarray(y[1], dtype=float)
     whole = EventMap(system, section, parameters=parameters, order=order)
     found = _folds(whole, (x[0], across), (y[0], up), amplitude)
-    return (*found, *_changes(whole, (x[0], across), (y[0], up)))
+    return (*found, *_changes(whole, (x[0], across), (y[0], up), _REACH * hi))
 
 
 def _folds(
@@ -90,12 +94,12 @@ def _passes(points: Array, value: float) -> bool:
     return bool(points[:, 1].min() <= value <= points[:, 1].max())
 
 
-def _changes(whole: EventMap, x: tuple[str, Array], y: tuple[str, Array]) -> list[Border]:
+def _changes(whole: EventMap, x: tuple[str, Array], y: tuple[str, Array], reach: float) -> list[Border]:
     """Where the map has the slope +-1 at the set, for values of y: one curve for each root in order."""
 
     @cache
     def excess(at: float, value: float) -> float:
-        return log_slope(whole, _REACH, **{x[0]: at, y[0]: value})
+        return log_slope(whole, reach, **{x[0]: at, y[0]: value})
 
     roots: list[list[tuple[float, float]]] = []
     grid = np.linspace(float(x[1].min()), float(x[1].max()), _COLUMNS)
@@ -110,7 +114,7 @@ def _changes(whole: EventMap, x: tuple[str, Array], y: tuple[str, Array]) -> lis
                 ends = [2 * c[-1][0] - c[-2][0] if len(c) > 1 else c[-1][0] for c in roots]
                 brackets = [_around(excess, at, cell, (grid[0], grid[-1]), value) for at in ends]
             here = [
-                float(brentq(excess, a, b, args=(value,), xtol=1e-10, rtol=1e-12))
+                float(brentq(excess, a, b, args=(value,), xtol=1e-11 * cell, rtol=1e-12))
                 for a, b in brackets if a < b
             ]  # fmt: skip
         except (*FAILURES, UsageError):

@@ -120,6 +120,7 @@ def brute_force(
     event_maps = MapRows(system, section, rtol=rtol, threads=threads)
     grid = np.asarray(values, dtype=float)
     rows = event_maps.rows({parameter: grid}, parameters)
+    event_maps.suited(rows, float(start), 1.0)
     d = np.full((grid.size, keep), np.nan)
     parts = [slice(k, k + 1) for k in range(grid.size)] if follow else [slice(0, grid.size)]
     here = np.full(grid.size, float(start))

@@ -98,18 +98,21 @@ class CellWork:
         """The cells with these numbers."""
         return in_blocks(index, self.grain, len(self.points), limits, self._block)
 
+    @cached_property
+    def _maps(self) -> MapRows:
+        event_maps = MapRows(self.system, self.section, order=self.order, rtol=self.rtol, threads=1)
+        columns = {name: self.points[:, k] for k, name in enumerate(self.names)}
+        return event_maps.suited(event_maps.rows(columns, self.parameters), self.hi, CLOSEST)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Machine code stays in its process."""
+        return {name: value for name, value in vars(self).items() if name != "_maps"}
+
     def _block(self, index: Whole) -> Rows:
-        event_maps = map_rows(self.system, self.section, self.order, self.rtol, self.hi, 1)
+        event_maps = self._maps
         columns = {name: self.points[index, k] for k, name in enumerate(self.names)}
         found = cells(event_maps, event_maps.rows(columns, self.parameters), self.hi, self.tries)
         return Rows(index, np.column_stack(found).astype(float), (Status.SUCCESS.value,) * len(index))
-
-
-def map_rows(
-    system: System, section: Section, order: int, rtol: float, hi: float, threads: int | None
-) -> MapRows:
-    """The map of many parameter rows with the tolerances that cells need."""
-    return MapRows(system, section, order=order, rtol=rtol, atol=1e-3 * rtol * CLOSEST * hi, threads=threads)
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,9 @@ import numpy.typing as npt
 
 from filippov.analysis.algebra.growth import GROWTHS
 from filippov.analysis.diagrams.borders import exact_borders
-from filippov.analysis.diagrams.cell_work import CellWork, map_rows
-from filippov.analysis.diagrams.cells import cells
+from filippov.analysis.diagrams.cell_work import CellWork
+from filippov.analysis.diagrams.cells import CLOSEST, cells
+from filippov.analysis.maps.map_rows import MapRows
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
 from filippov.base.given import Axis, Count, Interval, Positive
@@ -148,7 +149,7 @@ def regions(
     def curves(amplitude: Array) -> tuple[tuple[str, Array], ...]:
         if not isinstance(borders, str):
             return tuple(borders)
-        return exact_borders(system, section, x, y, amplitude, parameters=parameters, order=order)
+        return exact_borders(system, section, x, y, amplitude, hi, parameters=parameters, order=order)
 
     shape = (up.size, across.size)
     if engine is not None:
@@ -168,7 +169,9 @@ def regions(
         )  # fmt: skip
     cycles, stable, undecided, beside = (np.full(shape, -1) for _ in range(4))
     amplitude, lost = np.full(shape, np.nan), np.full(shape, np.nan)
-    rows_of_map = map_rows(system, section, order, rtol, hi, threads)
+    rows_of_map = MapRows(system, section, order=order, rtol=rtol, threads=threads)
+    every = {x[0]: np.tile(across, up.size), y[0]: np.repeat(up, across.size)}
+    rows_of_map.suited(rows_of_map.rows(every, parameters), hi, CLOSEST)
     complete = True
     try:
         each = max(1, _SIDE_BY_SIDE // across.size)

@@ -71,8 +71,9 @@ def contraction(
     d = coordinates(0.0, hi, points, least)
     if lo < 0.0:
         d = np.concatenate((-coordinates(0.0, -lo, points, least)[::-1], d))
-    event_maps = MapRows(system, section, rtol=rtol, atol=1e-3 * rtol * nearest_d, threads=threads)
+    event_maps = MapRows(system, section, rtol=rtol, threads=threads)
     rows = event_maps.rows(values, parameters)
+    event_maps.suited(rows, max(hi, lo, key=abs), least)
     count = len(rows)
     grid = np.broadcast_to(d, (count, d.size))
     ratio = np.abs(event_maps(rows, grid) / grid)

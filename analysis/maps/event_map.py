@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.maps.first_return import MOST_STEPS, first_return, first_returns
+from filippov.analysis.maps.map_units import decade, map_units
 from filippov.analysis.maps.section import BoundSection, Section
 from filippov.analysis.sensitivity.saltation import derivative_by_all, onto_section
 from filippov.base.errors import UsageError
-from filippov.base.given import Count, Natural, NonNegative, Positive, number_array
+from filippov.base.given import Count, Natural, Positive, number_array
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
 from filippov.base.shown import Shown
@@ -24,6 +25,7 @@ from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.ensemble import Prepared
 from filippov.solving.solution import Solution
+from filippov.solving.state.option_types import Tolerance
 
 Array = npt.NDArray[np.float64]
 
@@ -33,7 +35,8 @@ class EventMap(Shown, Answering):
 
     order       the map is the order-th iterate (2 for orbits that come back after two returns)
     parameters  values by name
-    rtol, atol  of every return
+    rtol, atol  of every return; atol is one number, or one per state. Default: 0.01 rtol times the size of
+                each state along the return from coordinates of that size
     lanes       as in `solve_many`; 1 where so little is asked that compiling 8 or 16 at once would not pay
 
     Call it with a number or an array; the value is NaN where the solution does not return within t_max.
@@ -42,7 +45,7 @@ class EventMap(Shown, Answering):
     @keywords()
     def __init__(
         self, system: System, section: Section, *, parameters: Mapping[str, float] | None = None,
-        order: Count = 1, rtol: Positive = 1e-10, atol: NonNegative = 1e-12, method: str = "DOP853",
+        order: Count = 1, rtol: Positive = 1e-10, atol: Tolerance | None = None, method: str = "DOP853",
         lanes: int | None = None,
     ) -> None:  # fmt: skip
         self._set(
@@ -56,7 +59,7 @@ class EventMap(Shown, Answering):
 
     def _set(
         self, system: System, section: Section, bound: BoundSection,
-        parameters: Mapping[str, float] | None, *, order: int, rtol: float, atol: float, method: str,
+        parameters: Mapping[str, float] | None, *, order: int, rtol: float, atol: Any, method: str,
         lanes: int | None,
     ) -> None:  # fmt: skip
         self.system, self.section, self.order = system, section, order
@@ -64,12 +67,13 @@ class EventMap(Shown, Answering):
         self.p = system.parameters.resolve(parameters)
         self.parameters = dict(zip(system.parameters.names, self.p.tolist(), strict=True))
         self.rtol, self.atol, self.method, self.lanes = rtol, atol, method, lanes
-        self._prepared: Prepared | None = None
+        self._prepared: dict[float, Prepared] = {}
+        self._atol: dict[float, Array] = {}
         self._rows = np.empty((0, 0))
 
     def __getstate__(self) -> dict[str, Any]:
         """Machine code stays in its process."""
-        return {**vars(self), "_prepared": None}
+        return {**vars(self), "_prepared": {}}
 
     def remake(self, **changes: Any) -> Self:
         """The same map with other parameters (updated by name), order, rtol, atol or method."""
@@ -78,7 +82,7 @@ class EventMap(Shown, Answering):
     @keywords()
     def _remade(
         self, *, parameters: Mapping[str, float] | None = None, order: Count | None = None,
-        rtol: Positive | None = None, atol: NonNegative | None = None, method: str | None = None,
+        rtol: Positive | None = None, atol: Tolerance | None = None, method: str | None = None,
     ) -> Self:  # fmt: skip
         made = type(self).__new__(type(self))
         made._set(
@@ -117,20 +121,21 @@ class EventMap(Shown, Answering):
         start = self.bound.start(d, self.p)
         if self.section.after:
             x, ended, resting = first_returns(
-                self.bound, start, self.parameters, rtol=self.rtol, atol=self.atol, method=self.method,
-                lanes=self.lanes,
+                self.bound, start, self.parameters, rtol=self.rtol, atol=self.tolerance(d),
+                method=self.method, lanes=self.lanes,
             )  # fmt: skip
         else:
-            if self._prepared is None:
-                self._prepared = Prepared(
+            level = 0.0 if self.atol is not None else decade(d)
+            if level not in self._prepared:
+                self._prepared[level] = Prepared(
                     self.system, (0.0, self.section.t_max), stop=self.section.stop, rtol=self.rtol,
-                    atol=self.atol, method=self.method, lanes=self.lanes, max_steps=MOST_STEPS,
+                    atol=self.tolerance(d), method=self.method, lanes=self.lanes, max_steps=MOST_STEPS,
                 )  # fmt: skip
             rows = self._rows
             if len(rows) != d.size:
                 rows = self._rows = np.empty((d.size, self.p.size))
                 rows[:] = self.p
-            x, ended, mode = self._prepared.ends(start, rows)
+            x, ended, mode = self._prepared[level].ends(start, rows)
             resting = None
         values = self.bound.read(x)
         if ended.count(Status.STOPPED) == len(values):
@@ -173,8 +178,20 @@ class EventMap(Shown, Answering):
 
     def _solve(self, d: float) -> Solution:
         x0 = self.bound.start(np.array([d]), self.p)[0]
-        options = {"rtol": self.rtol, "atol": self.atol, "method": self.method}
+        atol = self.tolerance(np.array([d]))
+        options = {"rtol": self.rtol, "atol": atol, "method": self.method}
         return first_return(self.bound, x0, self.parameters, **options)
+
+    def tolerance(self, d: Array) -> Any:
+        """The absolute tolerance of returns from coordinates d: what was given, else one per state."""
+        if self.atol is not None:
+            return self.atol
+        level = decade(d)
+        if level not in self._atol:
+            # Nothing is known at 0: a solution that does not rest there starts with a relative one.
+            atol = map_units(self, level).tolerance(self.rtol) if level else np.zeros(self.system.dimension)
+            self._atol[level] = atol
+        return self._atol[level]
 
     @keywords()
     def derivative(self, d: float) -> float:

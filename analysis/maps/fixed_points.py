@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from filippov.analysis.algebra.growth import ACCURACY, Growth, by_excess, by_multipliers
 from filippov.analysis.maps.gap_roots import NOISE, Gap, Samples, Whole, brackets, coordinates, roots, split
+from filippov.analysis.maps.map_units import finer
 from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.base.errors import UsageError
@@ -37,6 +38,10 @@ NEARER = 60
 _NOISE = 1e-2
 # A map is looked at so far beside an interval of rests, in parts of the larger end or of the interval.
 _BESIDE = 1e-8
+# A state that changes by less than this part of its size has not moved.
+_STILL = 1e-9
+# Jumps below this part of the interval are none.
+_LEAST = 1e-9
 # Parts of the width of such a set at which it is seen whether solutions beside it come nearer.
 _REACH = 1e-4
 
@@ -127,7 +132,7 @@ def fixed_points(event_map: ScalarMap, lo: float, hi: float, points: int = 400) 
     Coordinates from which the solution rests for ever are one "equilibrium set" for each interval.
     """
     d = grid(lo, hi, points)
-    fine = event_map.remake(rtol=min(event_map.rtol, TIGHT), atol=min(event_map.atol, TIGHT * 1e-2))
+    fine = finer(event_map, max(lo, hi, key=abs), TIGHT)
     rests = _Rests(fine, lo, hi)
     found, d, gap = rests.on(d, fine(d) - d)
     searches = [(fine, d, gap)]
@@ -151,7 +156,10 @@ def fixed_points(event_map: ScalarMap, lo: float, hi: float, points: int = 400) 
             if all(other.apart(root) > 1e-9 * max(abs(root), abs(other.d)) for other in found):
                 k = int(np.searchsorted(places, root))
                 beside = float(places[max(k - 1, 0)]), float(places[min(k + 1, places.size - 1)])
-                found.append(rests.around(root, *beside) if rests(root) else _cycle(at, root, left))
+                if rests(root):
+                    found.append(rests.around(root, *beside))
+                elif (cycle := _cycle(at, root, left)) is not None:
+                    found.append(cycle)
     return tuple(sorted(found, key=lambda point: point.d))
 
 
@@ -276,9 +284,12 @@ def _gap(event_map: ScalarMap) -> Gap:
     return gap
 
 
-def _cycle(event_map: ScalarMap, d: float, left: float) -> FixedPoint:
-    """The limit cycle of a fixed point."""
-    period = float(sum(each.t_end for each in event_map.orbit(d)))
+def _cycle(event_map: ScalarMap, d: float, left: float) -> FixedPoint | None:
+    """The limit cycle of a fixed point. None where rounding brings each solution back at once."""
+    orbit = event_map.orbit(d)
+    if all(np.all(np.ptp(part.y, axis=1) <= _STILL * np.max(np.abs(part.y), axis=1)) for part in orbit):
+        return None
+    period = float(sum(each.t_end for each in orbit))
     try:
         slope, note = event_map.derivative(d), ""
     except NotDifferentiableError as error:
@@ -305,7 +316,8 @@ def jumps(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tupl
             out.append(Jump(0.0, -above if lo < 0 else 0.0, above))
     rise = np.abs(np.diff(value))
     usual = 20.0 * np.median(rise / np.diff(d))
-    for i in np.flatnonzero(rise > usual * np.diff(d) + 1e-9):
+    least = _LEAST * max(abs(lo), abs(hi))
+    for i in np.flatnonzero(rise > usual * np.diff(d) + least):
         a, b, left, right = float(d[i]), float(d[i + 1]), float(value[i]), float(value[i + 1])
         for _ in range(60):
             middle = 0.5 * (a + b)
@@ -316,7 +328,7 @@ def jumps(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tupl
                 a, left = middle, at
             else:
                 b, right = middle, at
-        if abs(right - left) > 1e-6 * (abs(left) + abs(right)) + 1e-9:
+        if abs(right - left) > _SAME * (abs(left) + abs(right)) + least:
             out.append(Jump(0.5 * (a + b), left, right))
     return tuple(out)
 

@@ -22,7 +22,7 @@ import sympy
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.variation import mode_field
-from filippov.analysis.steady.drift_map import first_zero
+from filippov.analysis.steady.drift_map import balance, first_zero
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.linearisation import linearise
 from filippov.base.status import mode_text
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 # A constant part below this part of the field's terms is rounding.
 ROUNDING = 1e-11
+# What the smallest number, as the coordinate, leaves of a rate is below this.
+NONE = 1e-150
 # Coordinate, in units of the reach, from which the mode of the slip is read.
 NEAR = 1e-3
 
@@ -59,10 +61,12 @@ def linear_slope(return_map: ScalarMap, reach: float) -> float | None:
     x0 = return_map.bound.start(np.array([tiny]), return_map.p)[0]
     signs = np.array([mode], dtype=float)
     heights = mode_field(system, mode).part("h", np.zeros(1), x0[None], signs, return_map.p)[0, :, 0]
-    size = 1.0 + float(np.max(np.abs(x0)))
-    if any((abs(h) <= ROUNDING * size) != (k == i) for k, h in enumerate(heights)):
+    normals = _normal(return_map, mode, x0)
+    sizes = np.abs(normals) @ np.abs(x0)
+    on = np.abs(heights) <= ROUNDING * sizes
+    if any(on[k] != (k == i) for k in range(len(heights))):
         return None
-    normal = _normal(return_map, mode, x0)[i]
+    normal = normals[i]
     outward, at = mode[i] * normal, (*return_map.p, *x0)
     slip = next((case for case in _cases(system, mode, i) if case.condition(*at)), None)
     if slip is None:
@@ -73,17 +77,19 @@ def linear_slope(return_map: ScalarMap, reach: float) -> float | None:
         return None
     jump = np.array(slip.jump(*at), dtype=float)
     matrix = np.array(slip.matrix(*at), dtype=float)
-    if np.max(np.abs(jump)) > ROUNDING * size * max(1.0, float(np.max(np.abs(matrix)))):
+    if np.any(np.abs(jump) > ROUNDING * np.array(slip.size(*at), dtype=float) + NONE):
         return _jumping(return_map, reach) if outward @ jump > 0 else None
     y = side * return_map.bound.start_slope(tiny, return_map.p)
-    if abs(normal @ y) > ROUNDING * float(np.max(np.abs(y))):
+    if abs(normal @ y) > ROUNDING * float(np.abs(normal) @ np.abs(y)):
         return None
+    unit = balance(matrix)
+    matrix, outward, y = matrix * unit / unit[:, None], outward * unit, y / unit
     time = first_zero(matrix, outward, y)
     if time == math.inf:
         return _jumping(return_map, reach)
     if time is None or not time > 0:
         return None
-    return float(side * return_map.bound.slope(x0) @ linalg.expm(matrix * time) @ y)
+    return float(side * (return_map.bound.slope(x0) * unit) @ linalg.expm(matrix * time) @ y)
 
 
 def _normal(return_map: ScalarMap, mode: tuple[int, ...], x0: Array) -> Array:
@@ -97,11 +103,13 @@ def _normal(return_map: ScalarMap, mode: tuple[int, ...], x0: Array) -> Array:
 class _Case:
     """The slip field beside the surface in one case of the exponents, as functions of parameters and states.
 
+    size    of the terms of the jump
     growth  the coefficients of |h|**e where its slope at 0 is infinite
     """
 
     condition: Callable[..., Any]
     jump: Callable[..., Any]
+    size: Callable[..., Any]
     matrix: Callable[..., Any] | None
     growth: Callable[..., Any] | None
 
@@ -123,12 +131,18 @@ def _cases(system: System, mode: tuple[int, ...], i: int) -> tuple[_Case, ...]:
         _Case(
             function(sympy.S(slip.condition)),
             function(list(slip.jump)),
+            function([_size(e) for e in slip.jump]),
             None if slip.matrix is None else function(slip.matrix.tolist()),
             None if slip.singular is None else function(list(slip.singular[1])),
         )
         for slip in linearise(system, point, sides=[mode_text(mode)]).slip
         if slip.jump
     )
+
+
+def _size(expression: Any) -> Any:
+    """The magnitudes of the terms of an expression together: what rounding of it is measured by."""
+    return sympy.Add(*(sympy.Abs(term) for term in sympy.Add.make_args(sympy.expand(expression))))
 
 
 def _jumping(return_map: ScalarMap, reach: float) -> float | None:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.maps.first_return import MOST_STEPS, first_returns
+from filippov.analysis.maps.map_units import units_at
 from filippov.analysis.maps.section import Section
 from filippov.base.status import Status
 from filippov.model.system import System
@@ -20,19 +21,20 @@ Array = npt.NDArray[np.float64]
 class MapRows:
     """R(d; p) for rows of parameters.
 
-    order   the map is the order-th iterate; rtol, atol, threads: of `solve_many`
+    order   the map is the order-th iterate; rtol, threads: of `solve_many`. The absolute tolerance of each
+            state comes from `suited`
 
     NaN stands where a solution does not come back within the section's t_max; one that rests on the section
     comes back as 0, because no further event moves it.
     """
 
     def __init__(
-        self, system: System, section: Section, *, order: int = 1, rtol: float = 1e-7, atol: float = 1e-12,
+        self, system: System, section: Section, *, order: int = 1, rtol: float = 1e-7,
         threads: int | None = None,
     ) -> None:  # fmt: skip
         self.system, self.section, self.bound = system, section, section.bind(system)
         self.order = order
-        self.options: dict[str, Any] = {"rtol": rtol, "atol": atol, "threads": threads}
+        self.options: dict[str, Any] = {"rtol": rtol, "atol": 0.0, "threads": threads}
         self._prepared: Prepared | None = None
 
     def rows(self, values: Mapping[str, Array], parameters: Mapping[str, float] | None) -> Array:
@@ -44,6 +46,17 @@ class MapRows:
                 self.system.parameters[name].check(extreme, f"parameter {name!r}")
             out[:, self.system.parameters.index(name)] = column
         return out
+
+    def suited(self, rows: Array, reach: float, share: float) -> MapRows:
+        """This map, with absolute tolerances for coordinates from `share` of the reach on: of 1e-3 rtol times
+        the least size of a state on returns from there, at the first, middle and last row (k, P)."""
+        picked = rows[sorted({0, len(rows) // 2, len(rows) - 1})]
+        names = self.system.parameters.names
+        named = [dict(zip(names, row.tolist(), strict=True)) for row in picked]
+        sizes = [units_at(self.bound, p, reach, row).size for p, row in zip(named, picked, strict=True)]
+        self.options["atol"] = 1e-3 * self.options["rtol"] * share * np.min(sizes, axis=0)
+        self._prepared = None
+        return self
 
     def __call__(self, rows: Array, d: Array) -> Array:
         """Images of coordinates d (k, q) under parameter rows (k, P), shape (k, q)."""

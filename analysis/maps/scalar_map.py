@@ -23,8 +23,9 @@ class ScalarMap(Protocol):
     bound: BoundSection
     order: int
     p: Array
+    parameters: dict[str, float]
     rtol: float
-    atol: float
+    atol: Any
 
     def __call__(self, d: Any) -> Any:
         """R(d), a number or an array like d; NaN where the solution does not return."""

@@ -185,7 +185,7 @@ class BoundSection:
         """Derivative of the initial state by d: (n,). A function is differenced."""
         if self._functions is not None:
             return np.asarray(self._stack(self._functions[1], np.array([d]), p)[0])
-        reach = 1e-6 * max(abs(d), 1e-3)
+        reach = 1e-6 * (abs(d) or 1e-3)
         pair = self.start(np.array([d + reach, d - reach]), p)
         return np.asarray((pair[0] - pair[1]) / (2 * reach))
 
@@ -196,7 +196,7 @@ class BoundSection:
         out[:n, 0] = self.start_slope(d, p)
         for k, name in enumerate(names):
             i = self.system.parameters.index(name)
-            reach = 1e-4 * max(abs(float(p[i])), 1e-3)
+            reach = 1e-4 * (abs(float(p[i])) or 1e-3)
             rows = np.tile(p, (4, 1))
             rows[:, i] += reach * np.array([-2.0, -1.0, 1.0, 2.0])
             moved = self.start(np.full(4, d), rows)

@@ -16,6 +16,7 @@ from scipy.optimize import minimize_scalar
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.linear_return import linear_slope
+from filippov.analysis.maps.map_units import FINE, map_units
 
 if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ScalarMap
@@ -23,9 +24,8 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 TIGHT = 1e-12
 LEVELS = 24
-EPS = float(np.finfo(float).eps)
-# Below this many roundings of the starting state a coordinate is not resolved.
-ROUNDINGS = 1e5
+# Below this many roundings of the states, in units of the coordinate, it is not resolved.
+ROUNDINGS = 1e4
 EXPONENTS = np.linspace(0.04, 2.2, 55)
 DEGREES = (2, 3, 4, 5)
 # What rounding leaves of a slope in closed form, relative to it.
@@ -43,10 +43,11 @@ class SetSlope(NamedTuple):
 def near_set(event_map: ScalarMap, reach: float) -> tuple[ScalarMap, float]:
     """The map at tolerances for small coordinates, and the smallest coordinate that rounding leaves.
 
-    The absolute tolerance is what rounding leaves of the starting states.
+    The absolute tolerance of a state is what rounding of all of them is worth of it.
     """
-    size = float(np.max(np.abs(event_map.bound.start(np.array([reach]), event_map.p))))
-    return event_map.remake(rtol=TIGHT * 0.1, atol=2.0 * EPS * size), ROUNDINGS * EPS * size
+    units = map_units(event_map, reach)
+    lost = units.rounding
+    return event_map.remake(rtol=TIGHT * 0.1, atol=units.worth(FINE * lost)), ROUNDINGS * lost
 
 
 def equilibrium_slope(event_map: ScalarMap, reach: float, side: float = 1.0) -> SetSlope:

@@ -49,6 +49,8 @@ def drift_map(slip: Array, slide: Array, normal: Array) -> RestMap | None:
 
     slip    A (n, n), beyond the end; slide: J (n, n); normal: c (n,), slip has c y > 0
     """
+    unit = balance(np.abs(slip) + np.abs(slide))
+    slip, slide, normal = slip * unit / unit[:, None], slide * unit / unit[:, None], normal * unit
     rate = normal @ slip
     drift = _drift(slide, normal, rate)
     if drift is None:
@@ -81,6 +83,12 @@ def drift_map(slip: Array, slide: Array, normal: Array) -> RestMap | None:
     return None
 
 
+def balance(matrix: Array) -> Array:
+    """Units of the states, powers of two, in which rows and columns of a matrix are of one size: (n,)."""
+    units = linalg.matrix_balance(matrix, permute=False, separate=True)[1][0]
+    return np.asarray(units, dtype=float)
+
+
 def _drift(slide: Array, normal: Array, rate: Array) -> _Drift | None:
 
     basis = linalg.null_space(normal[None, :])
@@ -107,11 +115,16 @@ def _drift(slide: Array, normal: Array, rate: Array) -> _Drift | None:
 def first_zero(matrix: Array, row: Array, y: Array, drift: _Drift | None = None) -> float | None:
     """The first t > 0 at which row exp(M t) y falls through 0, not counting t = 0.
 
+    States are in units in which the matrix is balanced, whatever those of the system.
+
     -inf where the solution fades away before, inf where it grows without end or, for a slide, stays; None
     where neither is seen.
     """
     from scipy.optimize import brentq
 
+    if drift is None:
+        unit = balance(matrix)
+        matrix, row, y = matrix * unit / unit[:, None], row * unit, y / unit
     roots = linalg.eigvals(matrix)
     # Of a nilpotent matrix the roots are rounding.
     slowest = 0.01 * float(np.max(np.abs(matrix)))
