@@ -67,6 +67,10 @@ class BranchProblem(Protocol):
         """The problem for the next step, its phase condition moved here."""
 
 
+# So many of the smallest coordinates that rounding leaves are well resolved.
+_RESOLVED = 1e7
+
+
 class MapProblem:
     """Fixed points R(d) = d of an event map, as R(d)/d - 1 over log d where the map rests at 0."""
 
@@ -80,8 +84,10 @@ class MapProblem:
         if self.rests:
             near, self.least = near_set(event_map, abs(start))
             # Small cycles need the absolute tolerance that rounding leaves.
-            self.event_map = event_map = event_map.remake(atol=min(event_map.atol, near.atol))
-        self.scale = np.array([3.0 if self.rests else max(abs(start), 1e-3)])
+            self.event_map = event_map = event_map.remake(atol=np.minimum(event_map.atol, near.atol))
+        # At the set its slope is read from coordinates that are small, but resolved.
+        self.reach = max(1e-3 * abs(start), min(abs(start), _RESOLVED * self.least)) or 1e-3
+        self.scale = np.array([3.0 if self.rests else abs(start) or 1e-3])
         # Of an odd map the second iterate's fixed points are those of -R, at half the work.
         self.half = event_map.order == 2 and self._odd(start)
         if self.half:
@@ -190,7 +196,7 @@ class MapProblem:
 
     def _excess(self, value: float) -> float:
         """The logarithm of the slope at the set."""
-        return log_slope(self.event_map, 1e-3, **{self.parameter: value})
+        return log_slope(self.event_map, self.reach, **{self.parameter: value})
 
     def _set_changes(self, value: float, bounds: tuple[float, float]) -> float | None:
         """The parameter next to `value`, within the bounds, where the slope at the set is 1, or None."""
@@ -207,8 +213,18 @@ class MapProblem:
         return None
 
 
-# An orbit whose states move by less than this part of them has no extent.
-_HELD = 1e-9
+# A state that moves by less than this part of it, or than so many absolute tolerances, has no extent.
+_HELD, _NOISE = 1e-9, 1e3
+
+
+def _sizes(orbit: Orbit) -> Array:
+    """The unit of each state along a branch: its extent; of one that is held its value, as it may vary along
+    the branch; of one that is held at 0 the largest of the others."""
+    assert orbit.problem is not None
+    extent, place = orbit.high - orbit.low, np.maximum(np.abs(orbit.high), np.abs(orbit.low))
+    noise = _NOISE * np.asarray(orbit.problem.atol)
+    size = np.where(extent > np.maximum(_HELD * place, noise), extent, np.where(place > noise, place, 0.0))
+    return np.where(size > 0.0, size, np.max(size) or np.max(place) or 1.0)
 
 
 class OrbitProblem:
@@ -227,19 +243,21 @@ class OrbitProblem:
         self.base = orbit.system.parameters.resolve(dict(orbit.parameters))
         self.index = orbit.system.parameters.index(parameter)
         self.start = orbit.unknowns
-        size = np.maximum(orbit.high - orbit.low, 1e-9)
-        # A state that is constant along the orbit may vary along the branch: in its own unit, where it tells.
-        still, place = size < 1e-6 * np.max(size), np.abs(orbit.high)
-        size[still] = np.where(place > 1e-9 * np.max(size), place, np.max(size))[still]
-        if np.max(orbit.high - orbit.low) <= _HELD * np.max(np.abs(orbit.high)):
-            # Nothing moves but at the instants of a clock, or nothing at all.
-            size = np.where(orbit.high == 0.0, np.max(np.abs(orbit.high)) or 1.0, np.abs(orbit.high))
-        parts = [np.tile(size, len(self.shooting.shares))]
+        parts = [np.tile(_sizes(orbit), len(self.shooting.shares))]
         if self.shooting.period is None:
             parts.append(np.array([orbit.period]))
         self.scale = np.concatenate(parts)
         self._last: tuple[bytes, float, list[Any]] | None = None
         self._equations: tuple[list[Any], Array, Array] | None = None
+
+    @property
+    def rows(self) -> Array:
+        """Units of the equations: of the states, and of the phase condition."""
+        sizes = np.resize(self.scale[: self.shooting.n], self.shooting.n * len(self.shooting.shares))
+        if self.shooting.period is not None:
+            return sizes
+        phase = float(np.linalg.norm(self.shooting.velocity * sizes[: self.shooting.n]))
+        return np.append(sizes, phase or 1.0)
 
     def p(self, value: float) -> Array:
         """Parameter values, checked against their bounds."""

@@ -91,7 +91,7 @@ class Corrector:
         self.problem, self.width = problem, width
         self.sizes = np.append(problem.scale, width)
         # Sizes of the equations; those of an equilibrium have the units of the states and of the time.
-        self._rows: Array | None = None
+        self._rows: Array | None = getattr(problem, "rows", None)
         # The point of the latest matrix, and the matrix.
         self._last: tuple[Array, Array] | None = None
 
@@ -111,10 +111,10 @@ class Corrector:
         if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(matrix)):
             raise NoConvergenceError("the equations are not finite.")
         matrix = matrix * self.sizes
-        if getattr(self.problem, "of_units", False):
-            if self._rows is None:
-                largest = np.max(np.abs(matrix), axis=1)
-                self._rows = np.where(largest > 0.0, largest, 1.0)
+        if self._rows is None and getattr(self.problem, "of_units", False):
+            largest = np.max(np.abs(matrix), axis=1)
+            self._rows = np.where(largest > 0.0, largest, 1.0)
+        if self._rows is not None:
             residual, matrix = residual / self._rows, matrix / self._rows[:, None]
         self._last = z.copy(), matrix
         return residual, matrix

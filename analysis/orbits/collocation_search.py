@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -94,7 +95,7 @@ class CollocationSearch:
 
 
 def collocated_from(
-    orbit: Orbit, parameters: Mapping[str, float] | None, rtol: float, atol: float
+    orbit: Orbit, parameters: Mapping[str, float] | None, rtol: float, atol: Any
 ) -> Orbit:
     """The orbit at other parameter values by collocation, from this one. Raises as `find_orbit` does."""
     system = orbit.system

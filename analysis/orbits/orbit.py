@@ -79,7 +79,7 @@ class Orbit(Shown, Answering):
     residual: float
     forced: bool
     rtol: float = 1e-11
-    atol: float = 1e-13
+    atol: float | tuple[float, ...] = 1e-13
     method: str = "DOP853"
     problem: Shooting | None = field(default=None, repr=False)
     unknowns: Array | None = field(default=None, repr=False)

@@ -21,6 +21,7 @@ from filippov.analysis.orbits.shooting import (
     newton,
     onto_surfaces,
     resolved,
+    suited,
     symmetry_matrix,
     velocity_at,
 )
@@ -33,6 +34,7 @@ from filippov.model.system import System
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 from filippov.solving.state.events import Mode
+from filippov.solving.state.option_types import Tolerance
 from filippov.solving.state.options import check_state
 
 Array = npt.NDArray[np.float64]
@@ -69,7 +71,7 @@ def find_orbit(
     t_max: Positive = 1000.0,
     t0: float = 0.0,
     rtol: Positive = 1e-11,
-    atol: NonNegative = 1e-13,
+    atol: Tolerance = 1e-13,
     method: str = "DOP853",
     jacobian: Callable[..., Any] | None = None,
     progress: Callable[[float, float, str], None] | None = None,
@@ -147,7 +149,7 @@ def find_orbit(
 @keywords()
 def refine(
     orbit: Orbit, parameters: Mapping[str, float] | None = None, rtol: Positive | None = None,
-    atol: NonNegative | None = None,
+    atol: Tolerance | None = None,
 ) -> Orbit:  # fmt: skip
     """The orbit at other parameter values or tolerances, by Newton's method from this one."""
     if orbit.problem is None or orbit.unknowns is None:
@@ -348,6 +350,7 @@ class _Search:
         forced = self.base.period is not None
         start = anchor(solution, min(length, solution.t_end - solution.problem.t_span[0]), whole=forced)
         self.size, self.piece = max(self.size, extent([solution])), extent([solution])
+        self.base = suited(self.base, solution)
         if start > solution.problem.t_span[0]:
             return self.solution(self.state(solution, start), start, length)
         return self.solution(solution.problem.x0, solution.problem.t_span[0], length)

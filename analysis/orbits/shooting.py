@@ -39,6 +39,10 @@ _PRIMES = tuple(k for k in range(2, 100) if all(k % q for q in range(2, k)))
 SAME, _SHARES = 1e-6, (0.0618, 0.1459, 0.2361, 0.3819)
 # By how much parameters are moved to see whether a shorter period is the system's at others as well.
 _MOVED = 1e-3
+# The unit of a state is at least so many absolute tolerances.
+_NOISE = 1e7
+# The absolute tolerance of a state that is small beside it, in parts of rtol times its size.
+_OF_RTOL, _LEFT = 1e-2, 1e2
 
 
 class ReturnError(SolveError):
@@ -69,6 +73,7 @@ class Shooting:
     shares      parts of the duration between nodes, adding up to 1
     sliding     for each node the surfaces it lies on (a node in sliding stays on them)
     period      of the forcing, None for an autonomous system
+    atol        one number, or one for each state
     symmetry    the matrix G (n, n), and symmetry_order the power of it that is the identity: the solution
                 lasts T/symmetry_order
     """
@@ -84,7 +89,7 @@ class Shooting:
     symmetry: Array | None = None
     symmetry_order: int = 1
     rtol: float = 1e-11
-    atol: float = 1e-13
+    atol: Any = 1e-13
     method: str = "DOP853"
     jacobian: Callable[..., Any] | None = None
 
@@ -188,6 +193,17 @@ class Shooting:
         return replace(self, reference=nodes[0].copy(), velocity=speed / (size or 1.0))
 
 
+def suited(problem: Shooting, solution: Solution) -> Shooting:
+    """The same with an absolute tolerance of its own for each state that is small beside the one for all, but
+    not so small that it may be what the tolerance has left of 0."""
+    largest, atol = np.max(np.abs(solution.y), axis=1), np.asarray(problem.atol)
+    small = (atol > problem.rtol * largest) & (largest > _LEFT * atol)
+    if not np.any(small):
+        return problem
+    own = np.where(small, _OF_RTOL * problem.rtol * largest, atol)
+    return replace(problem, atol=tuple(own.tolist()))
+
+
 def velocity_at(
     system: System, mode: Mode, t: float, x: Array, p: Array, jacobian: Callable[..., Any] | None = None
 ) -> Array:
@@ -233,14 +249,15 @@ def newton(
 
     Raises NoConvergenceError, and what a solution along the orbit raises.
     """
-    scale = max(float(np.max(np.abs(u))), 1e-12)
     solutions = problem.solutions(u, p)
+    columns, rows = _units(problem, u, solutions)
     left = problem.residual(u, solutions, p)
-    size = float(np.max(np.abs(left)))
+    size = float(np.max(np.abs(left) / rows))
     for _ in range(iterations):
-        if size <= tolerance * 1e-2 * scale:
+        if size <= tolerance * 1e-2:
             break
-        step = linalg.lstsq(problem.matrix(u, solutions, p), -left, rcond=1e-13)[0]
+        matrix = problem.matrix(u, solutions, p) * columns / rows[:, None]
+        step = columns * linalg.lstsq(matrix, -left / rows, rcond=1e-13)[0]
         for halving in range(5):
             trial = u + step * 0.5**halving
             try:
@@ -248,19 +265,34 @@ def newton(
             except SolveError:
                 continue
             rest = problem.residual(trial, tried, p)
-            if float(np.max(np.abs(rest))) < size:
+            if float(np.max(np.abs(rest) / rows)) < size:
                 break
         else:
             break
         u, solutions, left = trial, tried, rest
-        size = float(np.max(np.abs(left)))
-    if not size <= max(tolerance, 1e3 * problem.rtol) * scale:
+        size = float(np.max(np.abs(left) / rows))
+    if not size <= max(tolerance, 1e3 * problem.rtol):
+        over = float(np.max(np.abs(left)))
         raise NoConvergenceError(
-            f"Newton's method did not converge to a periodic orbit: {size:.3g} is left of its equations. "
+            f"Newton's method did not converge to a periodic orbit: {over:.3g} is left of its equations. "
             "Give a state nearer to the orbit, more nodes, or the period.",
-            size,
+            over,
         )
-    return u, size
+    return u, float(np.max(np.abs(left)))
+
+
+def _units(problem: Shooting, u: Array, solutions: Sequence[Solution]) -> tuple[Array, Array]:
+    """Units of the unknowns and of the equations: of each state its largest magnitude along the solutions, or
+    what the absolute tolerance leaves of it; of one that is 0 throughout the largest of all."""
+    states = np.column_stack([np.abs(solution.y) for solution in solutions])
+    size = np.max(states[:, np.all(np.isfinite(states), axis=0)], axis=1, initial=0.0)
+    size = np.where(size > 0.0, size, float(np.max(size)) or 1.0)
+    size = np.maximum(size, _NOISE * np.asarray(problem.atol))
+    nodes = np.tile(size, len(problem.shares))
+    if problem.period is not None:
+        return nodes, nodes
+    phase = float(np.linalg.norm(problem.velocity * size))
+    return np.append(nodes, abs(float(u[-1]))), np.append(nodes, phase or 1.0)
 
 
 def least(
@@ -289,7 +321,8 @@ class _Path:
         images = [seen @ np.linalg.matrix_power(problem.gate, k).T for k in range(problem.symmetry_order)]
         seen = np.vstack(images)
         self.extent, self.size = float(np.max(np.ptp(seen, axis=0))), np.max(np.abs(seen), axis=0)
-        self.near = SAME * self.extent + 10 * (problem.rtol * float(np.max(self.size)) + problem.atol + left)
+        error = problem.rtol * float(np.max(self.size)) + float(np.max(problem.atol))
+        self.near = SAME * self.extent + 10 * (error + left)
 
     def place(self, t: float) -> tuple[Solution, float, Array]:
         """The solution with the state at t, its time there, and the power of the symmetry that is left."""

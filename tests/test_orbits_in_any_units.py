@@ -1,0 +1,53 @@
+"""Periodic orbits, their multipliers and branches in any units of each state and of time.
+
+Oracles: the closed form of a quadratic map that a clock applies, and the amplitude of the hunting cycle by a
+40-digit Taylor integration.
+"""
+
+from __future__ import annotations
+
+import os
+from math import sqrt
+
+import numpy as np
+import pytest
+from test_maps_in_any_units import Loop
+
+from filippov import Surface, System, parameters, states
+from filippov.analysis.bifurcations.continuation import continuation
+from filippov.analysis.orbits.orbit_search import find_orbit
+
+x, y, z = states("x y z")
+PER_DRAW = 200 if os.environ.get("FILIPPOV_PROFILE") == "nightly" else 3
+
+
+@pytest.mark.parametrize("seed", range(PER_DRAW))
+def test_12_13_orbits_held_by_a_clock_and_their_branch_in_any_units(seed: int) -> None:
+    # (x, y) -> (y, m - d x - y^2): y = (-(1 + d) + root)/2, trace -2 y, determinant d; fold m = -(1 + d)^2/4.
+    rng = np.random.default_rng([seed, 83])
+    length, period, rate, unit = (float(v) for v in 10.0 ** rng.integers(-9, 10, 4))
+    d, m = float(rng.uniform(0.1, 0.6)), float(rng.uniform(0.1, 0.4))
+    p = parameters(m=m * unit)
+    jump = {x: y, y: length * p.m / unit - d * x - y**2 / length, z: 0 * z}
+    tick = Surface("tick", z - period * rate, reset=jump, side="-")
+    system = System({x: 0 * x, y: 0 * y, z: rate + 0 * z}, surfaces=[tick])
+    at = (-(1 + d) + sqrt((1 + d) ** 2 + 4 * m)) / 2
+    orbit = find_orbit(system, (at * length, at * length, 0.3 * period * rate), period=period)
+    assert orbit.x0[:2] / length == pytest.approx([at, at], rel=1e-9)
+    known = sorted(np.abs(np.roots([1, 2 * at, d])))
+    assert sorted(np.abs(orbit.multipliers)) == pytest.approx(known, rel=1e-8)
+    bounds = (-0.6 * unit, 0.45 * unit)
+    run = continuation(system, orbit, parameter="m", bounds=bounds, direction=-1, step=0.1, max_step=0.3)
+    (fold,) = (q for q in run.run().special if q.special == "fold")
+    assert fold.value / unit == pytest.approx(-((1 + d) ** 2) / 4, rel=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(PER_DRAW))
+def test_12_13_the_hunting_orbit_in_any_units(seed: int) -> None:
+    loop = Loop(seed)
+    start = np.array([0.25 * loop.x, 0.0, 0.015 * loop.z])
+    orbit = find_orbit(loop.system, start, period=2.07 * loop.t)
+    assert orbit.high[0] / loop.x == pytest.approx(0.252304806412, rel=1e-9)
+    assert orbit.low[0] / loop.x == pytest.approx(-0.252304806412, rel=1e-9)
+    # The slope of the second return: of the published map, to its digits.
+    assert max(abs(orbit.multipliers)) == pytest.approx(0.7829069, rel=1e-6)
