@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from test_maps_in_any_units import Loop
 
-from filippov import Surface, System, parameters, states
+from filippov import Surface, System, cos, parameters, states
+from filippov import t as time
 from filippov.analysis.bifurcations.continuation import continuation
 from filippov.analysis.orbits.orbit_search import find_orbit
 
@@ -25,14 +26,14 @@ PER_DRAW = 200 if os.environ.get("FILIPPOV_PROFILE") == "nightly" else 3
 def test_12_13_orbits_held_by_a_clock_and_their_branch_in_any_units(seed: int) -> None:
     # (x, y) -> (y, m - d x - y^2): y = (-(1 + d) + root)/2, trace -2 y, determinant d; fold m = -(1 + d)^2/4.
     rng = np.random.default_rng([seed, 83])
-    length, period, rate, unit = (float(v) for v in 10.0 ** rng.integers(-9, 10, 4))
-    d, m = float(rng.uniform(0.1, 0.6)), float(rng.uniform(0.1, 0.4))
+    length, period, height, unit = (float(v) for v in 10.0 ** rng.integers(-9, 10, 4))
+    d, m, rate = float(rng.uniform(0.1, 0.5)), float(rng.uniform(0.1, 0.4)), height / period
     p = parameters(m=m * unit)
     jump = {x: y, y: length * p.m / unit - d * x - y**2 / length, z: 0 * z}
-    tick = Surface("tick", z - period * rate, reset=jump, side="-")
+    tick = Surface("tick", z - height, reset=jump, side="-")
     system = System({x: 0 * x, y: 0 * y, z: rate + 0 * z}, surfaces=[tick])
     at = (-(1 + d) + sqrt((1 + d) ** 2 + 4 * m)) / 2
-    orbit = find_orbit(system, (at * length, at * length, 0.3 * period * rate), period=period)
+    orbit = find_orbit(system, (at * length, at * length, 0.3 * height), period=period)
     assert orbit.x0[:2] / length == pytest.approx([at, at], rel=1e-9)
     known = sorted(np.abs(np.roots([1, 2 * at, d])))
     assert sorted(np.abs(orbit.multipliers)) == pytest.approx(known, rel=1e-8)
@@ -51,3 +52,27 @@ def test_12_13_the_hunting_orbit_in_any_units(seed: int) -> None:
     assert orbit.low[0] / loop.x == pytest.approx(-0.252304806412, rel=1e-9)
     # The slope of the second return: of the published map, to its digits.
     assert max(abs(orbit.multipliers)) == pytest.approx(0.7829069, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(PER_DRAW))
+def test_12_13_coefficients_of_grazing_in_any_units(seed: int) -> None:
+    # Below a stop at x = 1 with impacts -e v: H'' = w^2, v -> v - (1 + e) sqrt(2) w sqrt(z), at a = gain.
+    rng = np.random.default_rng([seed, 89])
+    length, speed, long = (float(v) for v in 10.0 ** rng.integers(-9, 10, 3))
+    w, c, e = float(rng.uniform(1.4, 3)), float(rng.uniform(0.1, 0.7)), float(rng.uniform(0.4, 0.9))
+    gain = sqrt((1 - w * w) ** 2 + (c * w) ** 2)
+    p = parameters(a=0.97 * gain * length)
+    stop = Surface("stop", x - length, reset={y: -e * y}, side="-")
+    force = -x / length - c * y / speed + p.a / length * cos(w / long * time)
+    system = System({x: y / speed * length / long, y: speed / long * force}, surfaces=[stop])
+    bounds = (0.97 * gain * length, 1.02 * gain * length)
+    start = np.array([length * (1 - w * w), speed * c * w * w]) * 0.97 / gain
+    run = continuation(
+        system, find_orbit(system, start), parameter="a", bounds=bounds, direction=1, max_points=6,
+        step=0.1, max_step=0.3,
+    )  # fmt: skip
+    point = next(q for q in run.run().special if q.special == "C-bifurcation")
+    assert point.value / length == pytest.approx(gain, rel=1e-8)
+    assert point.coefficients["bend"] * long**2 / length == pytest.approx(w * w, rel=1e-7)
+    vector = point.coefficients["vector y"] / speed * sqrt(length)
+    assert vector == pytest.approx(-(1 + e) * sqrt(2) * w, rel=1e-7)

@@ -48,6 +48,11 @@ def told(row: Expr, free: Sequence[Symbol], unit: Rational) -> list[tuple[Any, s
     return sorted(out)
 
 
+def test_a_corrugated_surface_in_a_unit_that_is_tiny() -> None:
+    row, expected = CASES["a corrugated surface"]
+    assert [answer for _, answer in told(row, (x, v), power(10))] == [answer for _, answer in expected]
+
+
 @pytest.mark.parametrize("k", POWERS)
 @pytest.mark.parametrize("name", CASES)
 def test_equilibria_and_verdicts_in_any_length(name: str, k: int) -> None:

@@ -94,7 +94,7 @@ class _Beside:
             assert after is not None
             signs = {s: sympy.Integer(sign) for s, sign in zip(form.s, first, strict=True)}
             states = sympy.Matrix([e.xreplace(signs).xreplace(form.sizes_at_mode(first)) for e in after])
-            parts |= {"R": states, "Ry": states.jacobian(y)}
+            parts |= {"R": states, "Ry": states.jacobian(y), "v1y": sympy.Matrix([v1]).jacobian(y)}
         self._arguments, self._parts = arguments, parts
         self._functions: dict[str, Any] = {}
 
@@ -176,15 +176,18 @@ def _grazing(at: _Beside, here: Any, f1: Array, f2: Array, slope: Array, size: f
         raise UsageError("the solution grazes the surface to higher order (L_F1^2 H = 0): degenerate.")
     if at.reset:
         x = here[1]
-        scale = 1.0 + float(np.max(np.abs(x)))
-        jump = at.value("R", *here)[:, 0] - x
-        if np.max(np.abs(jump)) > _ZERO * scale:
+        after, by = at.value("R", *here)[:, 0], at.value("Ry", *here)
+        # The speed left at the tangency explains a part of what is reset.
+        towards = at.value("v1y", *here).ravel()
+        off = towards * at.number("v1", *here) / (towards @ towards)
+        explained = by @ off - off[:-1]
+        scale = np.abs(x) + np.abs(after) + np.abs(explained)
+        if np.any(np.abs(after - x - explained) > _ZERO * scale):
             raise UsageError("the reset moves the state also where it is reached without speed: a jump.")
-        by = at.value("Ry", *here)
         full = np.append(f1, 1.0)
         return DiscontinuityMap("impact", 0.5, -np.sqrt(2 * a1) * (by @ full - f1) / a1, slope, a1)
     jump = f2 - f1
-    if np.max(np.abs(jump)) <= _ZERO * max(1e-300, float(np.max(np.abs(np.append(f1, f2))))):
+    if np.all(np.abs(jump) <= _ZERO * np.maximum(np.abs(f1), np.abs(f2))):
         g = at.value("g", *here).ravel()
         k = at.value("K", *here)[:-1] @ g / (g @ g)
         return DiscontinuityMap("kink", 1.5, -4 * np.sqrt(2.0) / 3 * k / np.sqrt(a1), slope, a1)

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import sympy
@@ -35,6 +36,7 @@ from filippov.analysis.local_stability.stability_result import (
     Solved,
     Statement,
 )
+from filippov.analysis.steady import edges
 from filippov.analysis.steady.branches import short
 from filippov.analysis.steady.drift_map import drift_map
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
@@ -52,7 +54,6 @@ PROOF = "proved in filippov.analysis.steady.rest_map"
 FOLLOWED = "computed, see filippov.analysis.steady.drift_map"
 # Slip at some of the ends, by their numbers.
 Sides = list[tuple[int, SlipLinearisation]]
-EDGE = 1e-9
 # The error of a slope of the return map at an end.
 SAME = 1e-9
 NARROW = 1e-6
@@ -146,8 +147,7 @@ def _at_bound(context: Context, found: EquilibriumPoint | EquilibriumSet, s: Exp
     for side, limit in zip("-+", context.form.radius[place], strict=True):
         if limit.is_infinite:
             continue
-        apart = context.number(s - at_rest(limit.subs(put)))
-        if not abs(apart) > EDGE:
+        if edges.side(s - at_rest(limit.subs(put)), {}, context.values) in (0, None):
             return side
     return ""
 
@@ -293,12 +293,21 @@ class _Ends:
         """sigma grad h . vector at an end: positive where it points away from the surface."""
         return self.context.number(self._normal(k, vector), dict(slip.case.put))
 
-    def _normal(self, k: int, vector: Sequence[Expr]) -> Expr:
-        side, end = self.slips[k]
-        sliding = linearise(self.context.system, end, values=self.context.put, sides=[]).sliding
+    def _gradient(self, k: int) -> Any:
+        sliding = linearise(self.context.system, self.slips[k][1], values=self.context.put, sides=[]).sliding
         assert sliding is not None
-        total = sum((c * v for c, v in zip(sliding.gradient, vector, strict=True)), sympy.S.Zero)
-        return short(total if side == "+" else -total)
+        return sliding.gradient
+
+    def _known(self, k: int, slip: SlipLinearisation) -> float:
+        """What dh/dt beside an end is known to."""
+        (side, end), form = self.slips[k], self.context.form
+        at = {**dict(zip(form.x, end.x, strict=True)), **dict(slip.case.put)}
+        field = form.at_mode(end.mode.replace("0", side, 1))
+        return edges.known_to(self._gradient(k), field, at, self.context.values)
+
+    def _normal(self, k: int, vector: Sequence[Expr]) -> Expr:
+        total = sum((c * v for c, v in zip(self._gradient(k), vector, strict=True)), sympy.S.Zero)
+        return short(total if self.slips[k][0] == "+" else -total)
 
     def _case(self, group: Sides, both: Sides) -> SlipCase:
         context, slip = self.context, group[0][1]
@@ -365,8 +374,7 @@ class _Ends:
             if tenth < NARROW * c:
                 text = (
                     f"the exponent {e:g} is near 1: the neglected slope falls to a tenth of its value at "
-                    f"|h| = {c:g} only below "
-                    f"|h| = {tenth:.3g}; above it exponent 1 describes the solution"
+                    f"|h| = {c:g} only below |h| = {tenth:.3g}; above it exponent 1 describes the solution"
                 )
                 out.append(Statement(text))
         return out
@@ -377,15 +385,12 @@ class _Ends:
             return []
         for k, slip in group:
             side = self.slips[k][0]
-            if slip.jump:
-                jump = self._outward(k, slip.jump, slip)
-                if jump > EDGE:
-                    text = (
-                        "the set at h = 0 is wider than the one-sided limits: at break-away dh/dt jumps from "
-                        f"0 to {jump:.6g} (side {side}), so solutions from arbitrarily near leave by a "
-                        "finite distance"
-                    )
-                    return [Statement(text)]
+            if slip.jump and (jump := self._outward(k, slip.jump, slip)) > self._known(k, slip):
+                text = (
+                    "the set at h = 0 is wider than the one-sided limits: at break-away dh/dt jumps from 0 "
+                    f"to {jump:.6g} (side {side}): solutions from arbitrarily near leave by a finite distance"
+                )
+                return [Statement(text)]
             if slip.singular is not None and not self._vanishes(slip):
                 slope = self._outward(k, slip.singular[1], slip)
                 if slope > 0:

@@ -6,7 +6,7 @@ wall. One that holds floats is known to a part of the terms that it is the sum o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import sympy
 from sympy import Expr, Symbol
@@ -37,22 +37,30 @@ def side(g: Expr, at: Mapping[Symbol, Expr], values: Mapping[Symbol, Expr]) -> i
     if value is None:
         return None
     if number.has(sympy.Float):
-        known = TOLERANCE * min(1.0, _terms(g, at, values)) + LEAST
+        known = TOLERANCE * terms(g, at, values) + LEAST
     else:
         known = 0.0 if number.is_Rational else ZERO
     return 0 if abs(value) <= known else int(sympy.sign(value))
 
 
-def _terms(g: Expr, at: Mapping[Symbol, Expr], values: Mapping[Symbol, Expr]) -> float:
+def known_to(
+    gradient: Sequence[Expr], field: Sequence[Expr], at: Mapping[Symbol, Expr], values: Mapping[Symbol, Expr]
+) -> float:
+    """What gradient . field is known to at a place: a part of its terms."""
+    pairs = zip(gradient, field, strict=True)
+    return TOLERANCE * float(sum(terms(c, at, values) * terms(f, at, values) for c, f in pairs if c != 0))
+
+
+def terms(g: Expr, at: Mapping[Symbol, Expr], values: Mapping[Symbol, Expr]) -> float:
     """The sum of the absolute values of the terms of g."""
     if g.is_Add:
-        return sum(_terms(e, at, values) for e in g.args)
+        return sum(terms(e, at, values) for e in g.args)
     if g.is_Mul:
         product = 1.0
         for e in g.args:
-            product *= _terms(e, at, values)
+            product *= terms(e, at, values)
         return product
     if g.is_Pow and g.exp.is_Integer and g.exp > 0:
-        return float(_terms(g.base, at, values) ** int(g.exp))
+        return float(terms(g.base, at, values) ** int(g.exp))
     value = real_number(sympy.S(g.subs(at).subs(values)))
     return 1.0 if value is None else abs(float(value))
