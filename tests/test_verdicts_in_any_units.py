@@ -122,3 +122,17 @@ def test_what_a_clock_keeps_of_a_line_of_rests(rule: Expr) -> None:
         slope = abs(float(rule.diff(x).subs(x, item.equilibrium.x[0])))
         if abs(slope - 1) > 1e-9:
             assert item.answer == (AS if slope < 1 else UN)
+
+
+@pytest.mark.parametrize("seed", DRAWS[:12])
+def test_exact_equilibria_are_told_apart_at_any_distance(seed: int) -> None:
+    """x' = -(x - 1)(x - 1 - e) ...: an odd number of simple roots, outer ones stable, in turn."""
+    rng = np.random.default_rng([seed, 97])
+    e, count = Rational(1, 10 ** int(rng.integers(6, 14))), int(rng.choice([3, 5]))
+    places = np.cumsum(rng.integers(1, 9, count)).tolist()
+    about = int(rng.integers(0, 9))
+    roots = [about + e * int(k) for k in places]
+    report = stability_report(System({x: -sympy.prod([x - r for r in roots])}))
+    told = sorted((item.equilibrium.value[0], item.answer) for item in report.items)
+    assert [value for value, _ in told] == pytest.approx([float(r) for r in roots], rel=1e-15)
+    assert [answer for _, answer in told] == [UN if k % 2 else AS for k in range(count)]

@@ -457,22 +457,32 @@ def _inside(
     return within and all(v.is_number for v in values) and near([float(v) for v in values], point.value)
 
 
+# What is left of a formula's digits in a float.
+_ROUNDING = 1e-15
+
+
 @dataclass(frozen=True)
 class _Nearness:
-    """Whether two places are one: formulas to rounding, what was searched to the accuracy of the search."""
+    """Whether two places are one: formulas to rounding, what was searched to the accuracy of the search.
+
+    part   of the places, and known of each state, up to which they are one
+    """
 
     known: tuple[float, ...]
+    part: float = 1e-9
 
     @classmethod
     def of(cls, found: Sequence[EquilibriumPoint | EquilibriumSet]) -> _Nearness:
         """By the sizes of the places found."""
         places = [e.value for e in found if isinstance(e, EquilibriumPoint)]
         places += [end.value for e in found if isinstance(e, EquilibriumSet) for end in e.ends]
-        least = 1e-60 if all(e.exact for e in found) else 1e-9
-        return cls(tuple(max(least, 1e-15 * max(map(abs, column))) for column in zip(*places, strict=True)))
+        exact = all(e.exact for e in found)
+        least, part = (1e-60, _ROUNDING) if exact else (1e-9, 1e-9)
+        known = (max(least, 1e-15 * max(map(abs, column))) for column in zip(*places, strict=True))
+        return cls(tuple(known), part)
 
     def __call__(self, x: Sequence[float], y: Sequence[float]) -> bool:
         return all(
-            abs(a - b) <= max(1e-9 * max(abs(a), abs(b)), known)
+            abs(a - b) <= max(self.part * max(abs(a), abs(b)), known)
             for a, b, known in zip(x, y, self.known, strict=True)
         )
