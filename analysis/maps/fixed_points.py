@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from filippov.analysis.algebra.growth import ACCURACY, Growth, by_excess, by_multipliers
 from filippov.analysis.maps.gap_roots import NOISE, Gap, Samples, Whole, brackets, coordinates, roots, split
-from filippov.analysis.maps.map_units import finer
+from filippov.analysis.maps.map_units import finer, map_units
 from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.base.errors import UsageError
@@ -39,7 +39,7 @@ _NOISE = 1e-2
 # A map is looked at so far beside an interval of rests, in parts of the larger end or of the interval.
 _BESIDE = 1e-8
 # A state that changes by less than this part of its size has not moved.
-_STILL = 1e-9
+_STILL, _ASIDE = 1e-9, 1e-2
 # Jumps below this part of the interval are none.
 _LEAST = 1e-9
 # Parts of the width of such a set at which it is seen whether solutions beside it come nearer.
@@ -287,7 +287,9 @@ def _gap(event_map: ScalarMap) -> Gap:
 def _cycle(event_map: ScalarMap, d: float, left: float) -> FixedPoint | None:
     """The limit cycle of a fixed point. None where rounding brings each solution back at once."""
     orbit = event_map.orbit(d)
-    if all(np.all(np.ptp(part.y, axis=1) <= _STILL * np.max(np.abs(part.y), axis=1)) for part in orbit):
+    # Beside d a return takes the states through their usual sizes.
+    size = np.maximum(*(map_units(event_map, at).size for at in (d, (1.0 + _ASIDE) * d)))
+    if all(np.all(np.ptp(part.y, axis=1) <= _STILL * size) for part in orbit):
         return None
     period = float(sum(each.t_end for each in orbit))
     try:
