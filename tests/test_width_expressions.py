@@ -76,7 +76,10 @@ def test_11_14_widths_are_checked(tmp_path):
     with pytest.raises(ModelError, match="width = w is -1 with these parameters, expected a number > 0"):
         solve(system, (1.0,), (0, 1), parameters={"w": -1})
     with pytest.raises(ModelError, match="width = w is 0 with these parameters"):
-        solve_many(system, [(1.0,)] * 3, (0, 1), parameters={"w": [1, 0, 1]})
+        solve_many(system, [(1.0,)] * 3, (0, 1), parameters={"w": 0})
+    some = solve_many(system, [(1.0,)] * 3, (0, 1), parameters={"w": [1, 0, 1]})
+    assert some.success.tolist() == [True, False, True]
+    assert "width = w is 0 with these parameters" in some.message[1]
     plain = Surface("r", lambda t, x, p: x[0], width=p.w)
     with pytest.raises(ModelError, match="h, radius or width is an expression"):
         System(field=lambda t, x, p, s: -s, surfaces=[plain], states="x")

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import matrix_balance
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.growth import Growth, by_eigenvalues, by_multipliers
@@ -187,7 +186,7 @@ def hopf_jets(problem: EquilibriumProblem, u: Array, value: float) -> tuple[Jets
             return np.asarray(problem.evaluate(u + scale * z, value)[1][:n, :n] * scale / scale[:, None])
 
     # The ratios of the units by the linear terms, then their common size by the others.
-    _, (units, _) = matrix_balance(matrix(np.zeros(n)), permute=False, separate=True)
+    _, (units, _) = linalg.matrix_balance(matrix(np.zeros(n)), permute=False, separate=True)
     if np.max(units) > APART * np.min(units):
         scale = scale * units / float(np.exp(np.mean(np.log(units))))
     scale = scale * _bend(matrix, n)

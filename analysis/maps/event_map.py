@@ -118,18 +118,32 @@ class EventMap(Shown, Answering):
         return values, tuple(statuses)
 
     def _return(self, d: Array) -> tuple[Array, tuple[Status, ...]]:
+        """Images and endings; coordinates of one decade go together, whatever stands beside them."""
+        if self.atol is not None:
+            return self._returned(d, 0.0)
+        levels = list(map(decade, d.tolist()))
+        if len(set(levels)) <= 1:
+            return self._returned(d, levels[0] if levels else 0.0)
+        values, ended = np.empty(d.size), [Status.STOPPED] * d.size
+        for level in dict.fromkeys(levels):
+            at = [k for k, own in enumerate(levels) if own == level]
+            values[at], endings = self._returned(d[at], level)
+            for k, status in zip(at, endings, strict=True):
+                ended[k] = status
+        return values, tuple(ended)
+
+    def _returned(self, d: Array, level: float) -> tuple[Array, tuple[Status, ...]]:
         start = self.bound.start(d, self.p)
         if self.section.after:
             x, ended, resting = first_returns(
-                self.bound, start, self.parameters, rtol=self.rtol, atol=self.tolerance(d),
+                self.bound, start, self.parameters, rtol=self.rtol, atol=self.tolerance(level),
                 method=self.method, lanes=self.lanes,
             )  # fmt: skip
         else:
-            level = 0.0 if self.atol is not None else decade(d)
             if level not in self._prepared:
                 self._prepared[level] = Prepared(
                     self.system, (0.0, self.section.t_max), stop=self.section.stop, rtol=self.rtol,
-                    atol=self.tolerance(d), method=self.method, lanes=self.lanes, max_steps=MOST_STEPS,
+                    atol=self.tolerance(level), method=self.method, lanes=self.lanes, max_steps=MOST_STEPS,
                 )  # fmt: skip
             rows = self._rows
             if len(rows) != d.size:
@@ -178,15 +192,14 @@ class EventMap(Shown, Answering):
 
     def _solve(self, d: float) -> Solution:
         x0 = self.bound.start(np.array([d]), self.p)[0]
-        atol = self.tolerance(np.array([d]))
+        atol = self.tolerance(decade(d))
         options = {"rtol": self.rtol, "atol": atol, "method": self.method}
         return first_return(self.bound, x0, self.parameters, **options)
 
-    def tolerance(self, d: Array) -> Any:
-        """The absolute tolerance of returns from coordinates d: what was given, else one per state."""
+    def tolerance(self, level: float) -> Any:
+        """The absolute tolerance of returns from a decade: what was given, else one per state."""
         if self.atol is not None:
             return self.atol
-        level = decade(d)
         if level not in self._atol:
             # Nothing is known at 0: a solution that does not rest there starts with a relative one.
             atol = map_units(self, level).tolerance(self.rtol) if level else np.zeros(self.system.dimension)

@@ -52,14 +52,14 @@ class MapUnits(NamedTuple):
     @property
     def rounding(self) -> float:
         """What the rounding of the start is worth of the coordinate."""
-        response = np.where(self.slope != 0.0, np.abs(self.slope), self.change / abs(self.reach))
+        response = np.where(self.slope != 0.0, np.abs(self.slope), self.worth(1.0))
         known = response > 0.0
         worth = np.abs(self.start[known]) / response[known]
         return EPS * max(abs(self.reach), float(np.max(worth, initial=0.0)))
 
     def worth(self, d: float) -> Array:
-        """What a change of the coordinate by d changes the states by: (n,)."""
-        return self.change * (d / abs(self.reach))
+        """What a change of the coordinate by d changes the states by: (n,); not known, 0, from 0 on."""
+        return self.change * (d / abs(self.reach) if self.reach else 0.0)
 
 
 def map_units(event_map: ScalarMap, d: float) -> MapUnits:
@@ -94,11 +94,9 @@ def finer(event_map: Map, d: float, rtol: float) -> Map:
     return event_map.remake(rtol=min(event_map.rtol, rtol), atol=atol)
 
 
-def decade(d: Array) -> float:
-    """The power of ten below the largest magnitude of coordinates, with its sign; 0 without one."""
-    known = d[np.isfinite(d)]
-    largest = float(known[np.argmax(np.abs(known))]) if known.size else 0.0
-    if largest == 0.0:
+def decade(d: float) -> float:
+    """The power of ten below the magnitude of a coordinate, with its sign; 0 at 0."""
+    if d == 0.0:
         return 0.0
-    power = 10.0 ** math.floor(math.log10(abs(largest)))
-    return math.copysign(power, largest) if math.isfinite(power) and power > 0.0 else largest
+    power = 10.0 ** math.floor(math.log10(abs(d)))
+    return math.copysign(power, d) if power > 0.0 else d

@@ -13,7 +13,6 @@ from filippov.base.given import number_array, shown
 from filippov.base.labelled import by_label, in_order
 from filippov.base.names import unknown
 from filippov.base.quantity import is_quantity, plain
-from filippov.model.comparators.hysteresis import check_widths
 from filippov.model.system import System
 from filippov.solving.state.machine import Array
 from filippov.solving.state.options import check_state, without_units
@@ -135,6 +134,8 @@ def _refused(system: System, values: Array) -> dict[int, Exception]:
     """What makes rows of parameters (k, P) no system, by row: widths and instants that cannot be."""
     if not system.variable_widths and not system.clocked:
         return {}
+    from filippov.model.comparators.hysteresis import check_widths
+
     form, errors = system.symbolic, dict[int, Exception]()
     # Of many parameters few stand in widths and instants; functions may read all of them.
     instants = [e for event in system.time_events for e in event.expressions()]
