@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.maps.first_return import MOST_STEPS, first_return, first_returns
-from filippov.analysis.maps.map_units import decade, map_units
+from filippov.analysis.maps.map_units import level, map_units
 from filippov.analysis.maps.section import BoundSection, Section
 from filippov.analysis.sensitivity.saltation import derivative_by_all, onto_section
 from filippov.base.errors import UsageError
@@ -35,7 +35,7 @@ class EventMap(Shown, Answering):
 
     order       the map is the order-th iterate (2 for orbits that come back after two returns)
     parameters  values by name
-    rtol, atol  of every return; atol is one number, or one per state. Default: 0.01 rtol times the size of
+    rtol, atol  of every return; atol is one number, or one per state. Default: 0.03 rtol times the size of
                 each state along the return from coordinates of that size
     lanes       as in `solve_many`; 1 where so little is asked that compiling 8 or 16 at once would not pay
 
@@ -118,38 +118,39 @@ class EventMap(Shown, Answering):
         return values, tuple(statuses)
 
     def _return(self, d: Array) -> tuple[Array, tuple[Status, ...]]:
-        """Images and endings; coordinates of one decade go together, whatever stands beside them."""
+        """Images and endings; coordinates of one level go together, whatever stands beside them."""
         if self.atol is not None:
             return self._returned(d, 0.0)
-        levels = list(map(decade, d.tolist()))
-        if len(set(levels)) <= 1:
-            return self._returned(d, levels[0] if levels else 0.0)
+        ends = {level(float(end)) for end in (np.min(d), np.max(d))} if d.size else {0.0}
+        if len(ends) == 1:
+            return self._returned(d, ends.pop())
+        levels = list(map(level, d.tolist()))
         values, ended = np.empty(d.size), [Status.STOPPED] * d.size
-        for level in dict.fromkeys(levels):
-            at = [k for k, own in enumerate(levels) if own == level]
-            values[at], endings = self._returned(d[at], level)
+        for least in dict.fromkeys(levels):
+            at = [k for k, own in enumerate(levels) if own == least]
+            values[at], endings = self._returned(d[at], least)
             for k, status in zip(at, endings, strict=True):
                 ended[k] = status
         return values, tuple(ended)
 
-    def _returned(self, d: Array, level: float) -> tuple[Array, tuple[Status, ...]]:
+    def _returned(self, d: Array, least: float) -> tuple[Array, tuple[Status, ...]]:
         start = self.bound.start(d, self.p)
         if self.section.after:
             x, ended, resting = first_returns(
-                self.bound, start, self.parameters, rtol=self.rtol, atol=self.tolerance(level),
+                self.bound, start, self.parameters, rtol=self.rtol, atol=self.tolerance(least),
                 method=self.method, lanes=self.lanes,
             )  # fmt: skip
         else:
-            if level not in self._prepared:
-                self._prepared[level] = Prepared(
+            if least not in self._prepared:
+                self._prepared[least] = Prepared(
                     self.system, (0.0, self.section.t_max), stop=self.section.stop, rtol=self.rtol,
-                    atol=self.tolerance(level), method=self.method, lanes=self.lanes, max_steps=MOST_STEPS,
+                    atol=self.tolerance(least), method=self.method, lanes=self.lanes, max_steps=MOST_STEPS,
                 )  # fmt: skip
             rows = self._rows
             if len(rows) != d.size:
                 rows = self._rows = np.empty((d.size, self.p.size))
                 rows[:] = self.p
-            x, ended, mode = self._prepared[level].ends(start, rows)
+            x, ended, mode = self._prepared[least].ends(start, rows)
             resting = None
         values = self.bound.read(x)
         if ended.count(Status.STOPPED) == len(values):
@@ -192,19 +193,19 @@ class EventMap(Shown, Answering):
 
     def _solve(self, d: float) -> Solution:
         x0 = self.bound.start(np.array([d]), self.p)[0]
-        atol = self.tolerance(decade(d))
+        atol = self.tolerance(level(d))
         options = {"rtol": self.rtol, "atol": atol, "method": self.method}
         return first_return(self.bound, x0, self.parameters, **options)
 
-    def tolerance(self, level: float) -> Any:
-        """The absolute tolerance of returns from a decade: what was given, else one per state."""
+    def tolerance(self, least: float) -> Any:
+        """The absolute tolerance of returns from a level: what was given, else one per state."""
         if self.atol is not None:
             return self.atol
-        if level not in self._atol:
+        if least not in self._atol:
             # Nothing is known at 0: a solution that does not rest there starts with a relative one.
-            atol = map_units(self, level).tolerance(self.rtol) if level else np.zeros(self.system.dimension)
-            self._atol[level] = atol
-        return self._atol[level]
+            atol = map_units(self, least).tolerance(self.rtol) if least else np.zeros(self.system.dimension)
+            self._atol[least] = atol
+        return self._atol[least]
 
     @keywords()
     def derivative(self, d: float) -> float:

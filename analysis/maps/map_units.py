@@ -30,7 +30,7 @@ EPS = float(np.finfo(float).eps)
 ROUGH, STEPS, LITTLE = 1e-4, 20_000, 1e-3
 LEVELS = (1e-6, 1e-10, 1e-14, 1e-18, 1e-22, 1e-26)
 # The absolute tolerance of a state in units of rtol times its size.
-SHARE = 1e-2
+SHARE = 3e-2
 # The absolute tolerance that goes with rounding, in units of what this is worth of the coordinate.
 FINE = 0.2
 
@@ -94,9 +94,9 @@ def finer(event_map: Map, d: float, rtol: float) -> Map:
     return event_map.remake(rtol=min(event_map.rtol, rtol), atol=atol)
 
 
-def decade(d: float) -> float:
-    """The power of ten below the magnitude of a coordinate, with its sign; 0 at 0."""
+def level(d: float) -> float:
+    """The least coordinate of the two decades of d, from 10**(2 k - 3/2) to 10**(2 k + 1/2); 0 at 0."""
     if d == 0.0:
         return 0.0
-    power = 10.0 ** math.floor(math.log10(abs(d)))
-    return math.copysign(power, d) if power > 0.0 else d
+    least = 10.0 ** (2 * math.floor(0.5 * (math.log10(abs(d)) - 0.5)) + 0.5)
+    return math.copysign(least, d) if least > 0.0 else d
