@@ -1,7 +1,7 @@
 """Linear algebra that says what it cannot do: MatrixError where a matrix is singular or is not of numbers.
 
 numpy and LAPACK tell these apart by chance ("SVD did not converge") and as errors of theirs, which no search
-for a solution expects. The functions are numpy's and scipy's of the same name, but `expm`.
+for a solution expects. The functions are numpy's and scipy's of the same name, but `balance` and `expm`.
 """
 
 from __future__ import annotations
@@ -54,7 +54,6 @@ eigvals = _named(np.linalg.eigvals, "finding eigenvalues")
 eigvalsh = _named(np.linalg.eigvalsh, "finding eigenvalues")
 cholesky = _named(np.linalg.cholesky, "factoring a matrix")
 roots = _named(np.roots, "finding roots of a polynomial")
-matrix_balance = _named(scipy.linalg.matrix_balance, "balancing a matrix")
 null_space = _named(scipy.linalg.null_space, "finding a null space")
 # values, left and right eigenvectors
 eig_both = _named(lambda matrix: scipy.linalg.eig(matrix, left=True, right=True), "finding eigenvalues")
@@ -62,15 +61,26 @@ eig_both = _named(lambda matrix: scipy.linalg.eig(matrix, left=True, right=True)
 _TERMS = 15
 
 
+def _balance(matrix: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Units of the states, powers of two, in which rows and columns of a matrix are of one size: (n,)."""
+    # scipy casts the units to an integer permutation that is not asked for.
+    with np.errstate(invalid="ignore"):
+        _, (units, _) = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
+    return np.asarray(units, dtype=float)
+
+
+balance = _named(_balance, "balancing a matrix")
+
+
 def _expm(matrix: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """exp(matrix) of a small real matrix (n, n): the series of matrix / 2**k, squared k times.
 
     scipy's function of this name hands matrices of any size to threads: one of 3 x 3 may take 10 ms where
     other work keeps the cores busy. Source: Moler & Van Loan 2003, "Nineteen dubious ways to compute the
-    exponential of a matrix", method 3. It is taken in units of the states in which the
-    matrix is balanced (there, section 8): its errors are relative to its norm.
+    exponential of a matrix", method 3. It is taken in units of the states in which the matrix is balanced
+    (there, section 8): its errors are relative to its norm.
     """
-    units = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)[1][0]
+    units = _balance(matrix)
     matrix = matrix * units / units[:, None]
     identity = np.eye(len(matrix))
     k = max(0, int(np.frexp(np.max(np.sum(np.abs(matrix), axis=0), initial=0.0))[1]) + 1)

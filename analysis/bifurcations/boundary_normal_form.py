@@ -70,7 +70,7 @@ class BoundaryEquilibrium:
         by = regular.field.part("fy", *at)[0]
         slope = self.side * regular.field.part("hy", *at)[0, i]
         beyond = other.field.part("f", *other._at(u[:n], value))[0, :, 0]
-        _, (self.units, _) = linalg.matrix_balance(by[:, :n], permute=False, separate=True)
+        self.units = linalg.balance(by[:, :n])
         self.A, self.M = by[:, :n] / self.units[:, None] * self.units, by[:, n] / self.units
         self.B, self.C, self.moves = beyond / self.units, slope[:n] * self.units, float(slope[n])
 

@@ -186,7 +186,7 @@ def hopf_jets(problem: EquilibriumProblem, u: Array, value: float) -> tuple[Jets
             return np.asarray(problem.evaluate(u + scale * z, value)[1][:n, :n] * scale / scale[:, None])
 
     # The ratios of the units by the linear terms, then their common size by the others.
-    _, (units, _) = linalg.matrix_balance(matrix(np.zeros(n)), permute=False, separate=True)
+    units = linalg.balance(matrix(np.zeros(n)))
     if np.max(units) > APART * np.min(units):
         scale = scale * units / float(np.exp(np.mean(np.log(units))))
     scale = scale * _bend(matrix, n)

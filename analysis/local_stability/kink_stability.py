@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 import sympy
-from scipy.linalg import matrix_balance
 from sympy import Expr, Rational, Symbol
 
 from filippov.analysis.algebra import linalg
@@ -53,7 +52,7 @@ class Cone:
     def balanced(self) -> tuple[Cone, Array]:
         """The same in units of the states in which the matrices are of one size, and these units (n,)."""
         sizes = sum(np.abs(A) for A in self.sides.values())
-        _, (units, _) = matrix_balance(sizes, permute=False, separate=True)
+        units = linalg.balance(sizes)
         sides = {signs: A * units / units[:, None] for signs, A in self.sides.items()}
         rows = self.rows * units
         size = np.linalg.norm(rows, axis=1, keepdims=True)

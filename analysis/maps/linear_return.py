@@ -22,7 +22,7 @@ import sympy
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.variation import mode_field
-from filippov.analysis.steady.drift_map import balance, first_zero
+from filippov.analysis.steady.drift_map import first_zero
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.linearisation import linearise
 from filippov.base.status import mode_text
@@ -82,14 +82,12 @@ def linear_slope(return_map: ScalarMap, reach: float) -> float | None:
     y = side * return_map.bound.start_slope(tiny, return_map.p)
     if abs(normal @ y) > ROUNDING * float(np.abs(normal) @ np.abs(y)):
         return None
-    unit = balance(matrix)
-    matrix, outward, y = matrix * unit / unit[:, None], outward * unit, y / unit
     time = first_zero(matrix, outward, y)
     if time == math.inf:
         return _jumping(return_map, reach)
     if time is None or not time > 0:
         return None
-    return float(side * (return_map.bound.slope(x0) * unit) @ linalg.expm(matrix * time) @ y)
+    return float(side * return_map.bound.slope(x0) @ linalg.expm(matrix * time) @ y)
 
 
 def _normal(return_map: ScalarMap, mode: tuple[int, ...], x0: Array) -> Array:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import matrix_balance
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivatives, pieces
@@ -85,9 +84,7 @@ class CarriedBasis:
         self._sizes += sum(np.abs(matrix) for matrix in matrices)
         if not np.all(np.isfinite(self._sizes)):
             return
-        # scipy casts the units to an integer permutation that is not asked for.
-        with np.errstate(invalid="ignore"):
-            _, (units, _) = matrix_balance(self._sizes, permute=False, separate=True)
+        units = linalg.balance(self._sizes)
         self.basis = np.linalg.qr(self.basis * (self._units / units)[:, None])[0]
         self._units = units
 

@@ -332,6 +332,8 @@ def _numbers_apart(expression: Expr) -> tuple[Expr, dict[Expr, Expr]]:
     Among polynomials exp(139/200) is exp(1/200) to the power 139.
     """
     symbols: dict[Expr, Expr] = {}
+    if not expression.has(sympy.exp):
+        return expression, symbols
 
     def apart(power: Expr) -> Expr:
         number, rest = power.args[0].expand().as_coeff_Add()

@@ -49,7 +49,7 @@ def drift_map(slip: Array, slide: Array, normal: Array) -> RestMap | None:
 
     slip    A (n, n), beyond the end; slide: J (n, n); normal: c (n,), slip has c y > 0
     """
-    unit = balance(np.abs(slip) + np.abs(slide))
+    unit = linalg.balance(np.abs(slip) + np.abs(slide))
     slip, slide, normal = slip * unit / unit[:, None], slide * unit / unit[:, None], normal * unit
     rate = normal @ slip
     drift = _drift(slide, normal, rate)
@@ -81,12 +81,6 @@ def drift_map(slip: Array, slide: Array, normal: Array) -> RestMap | None:
         if np.max(np.abs(y - size * away)) < GONE * np.max(np.abs(y)):
             return RestMap("returns", size, elapsed)
     return None
-
-
-def balance(matrix: Array) -> Array:
-    """Units of the states, powers of two, in which rows and columns of a matrix are of one size: (n,)."""
-    units = linalg.matrix_balance(matrix, permute=False, separate=True)[1][0]
-    return np.asarray(units, dtype=float)
 
 
 def _drift(slide: Array, normal: Array, rate: Array) -> _Drift | None:
@@ -123,7 +117,7 @@ def first_zero(matrix: Array, row: Array, y: Array, drift: _Drift | None = None)
     from scipy.optimize import brentq
 
     if drift is None:
-        unit = balance(matrix)
+        unit = linalg.balance(matrix)
         matrix, row, y = matrix * unit / unit[:, None], row * unit, y / unit
     roots = linalg.eigvals(matrix)
     # Of a nilpotent matrix the roots are rounding.

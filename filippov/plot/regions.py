@@ -47,10 +47,7 @@ def plot_regions(
         drawn = figure if figure is not None else new_figure(6.4, 4.2)
         ax = drawn.subplots()
         kinds, names, colors, hatches = _kinds(result)
-        ax.pcolormesh(
-            result.x, result.y, kinds, cmap=ListedColormap(colors), vmin=-0.5, vmax=len(colors) - 0.5,
-            shading="nearest", rasterized=True,
-        )  # fmt: skip
+        _colour_cells(ax, result, kinds, colors)
         for number, hatch in enumerate(hatches):
             if hatch:
                 ax.pcolor(
@@ -81,25 +78,20 @@ def plot_periods(
     result  what `filippov.analysis.diagrams.period_map.period_map` returned
     labels  labels with units, by name of parameter
     """
-    from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
     with style():
         drawn = figure if figure is not None else new_figure(6.4, 4.2)
         ax = drawn.subplots()
-        found = np.unique(result.period).tolist()
+        values, kinds = np.unique(result.period, return_inverse=True)
+        found = values.tolist()
         periods = [n for n in found if n > 0]
         tints = {0: ("no period found", GREY), -1: ("not computed", PALE)}
         for k, n in enumerate(periods[: len(BASINS)]):
             tints[n] = (f"period {n}", BASINS[k])
         for n in periods[len(BASINS) :]:
             tints[n] = (f"period above {periods[len(BASINS) - 1]}", INK)
-        place = {n: number for number, n in enumerate(found)}
-        kinds = np.vectorize(place.__getitem__, otypes=[int])(result.period)
-        ax.pcolormesh(
-            result.x, result.y, kinds, cmap=ListedColormap([tints[n][1] for n in found]), vmin=-0.5,
-            vmax=len(found) - 0.5, shading="nearest", rasterized=True,
-        )  # fmt: skip
+        _colour_cells(ax, result, kinds.reshape(result.period.shape), [tints[n][1] for n in found])
         shown = dict.fromkeys(tints[n] for n in found)
         _name_axes(ax, result.names, labels)
         ax.set(title=title)
@@ -107,6 +99,16 @@ def plot_periods(
             handles=[Patch(facecolor=tint, label=name) for name, tint in shown], loc="outside right upper"
         )
     return drawn
+
+
+def _colour_cells(ax: Any, result: Any, kinds: Any, colors: Sequence[str]) -> None:
+    """Cell by cell the colour of its kind, 0, 1, ..."""
+    from matplotlib.colors import ListedColormap
+
+    ax.pcolormesh(
+        result.x, result.y, kinds, cmap=ListedColormap(colors), vmin=-0.5, vmax=len(colors) - 0.5,
+        shading="nearest", rasterized=True,
+    )  # fmt: skip
 
 
 def _name_axes(ax: Any, names: Sequence[str], labels: Mapping[str, str] | None) -> None:
@@ -150,7 +152,6 @@ def plot_basin(
     result  what `filippov.analysis.diagrams.basin.basin` returned
     labels  labels with units, by name of state
     """
-    from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
     special = {-1: ("to none found", PALE), -2: ("beyond the interval", "#efefef"), -3: ("no event", GREY)}
@@ -169,10 +170,7 @@ def plot_basin(
                 color = BASINS[label % len(BASINS)]
             names.append(name)
             colors.append(color)
-        ax.pcolormesh(
-            result.x, result.y, kinds, cmap=ListedColormap(colors), vmin=-0.5, vmax=len(colors) - 0.5,
-            shading="nearest", rasterized=True,
-        )  # fmt: skip
+        _colour_cells(ax, result, kinds, colors)
         held = ", ".join(f"{name} = {value:g}" for name, value in result.at.items())
         _name_axes(ax, result.names, labels)
         ax.set(title=title or held)
