@@ -14,7 +14,7 @@ from filippov.models import hunting
 SECTION = Section("velocity", "sliding entry", "x", {"x": "d", "v": "0", "z": "(sign(d)*Fs/P - d)/I"})
 # Near 1 from above and below, small cycles beside sets of both kinds, steep maps, two cycles; returns that
 # rounding hides, one of two.
-CHOSEN = (2, 11, 33, 39, 85, 115, 120, 72, 175)
+CHOSEN = (2, 11, 27, 33, 39, 85, 115, 120, 72, 175)
 DRAWS = range(200) if os.environ.get("FILIPPOV_PROFILE") == "nightly" else CHOSEN
 RESOLVED = 1.5e-11
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.maps.first_return import first_return
+from filippov.base.status import Status
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,6 +30,8 @@ EPS = float(np.finfo(float).eps)
 # is finer than rounding of the start follows rounding, back to the section at once.
 ROUGH, STEPS, LITTLE = 1e-4, 20_000, 1e-3
 LEVELS = (1e-6, 1e-10, 1e-14, 1e-18, 1e-22, 1e-26)
+# A solution that does not come back may grow without bound: its sizes are those up to this many times the start.
+GROWN = 10.0
 # The absolute tolerance of a state in units of rtol times its size.
 SHARE = 3e-2
 # The absolute tolerance that goes with rounding, in units of what this is worth of the coordinate.
@@ -72,18 +75,23 @@ def units_at(bound: BoundSection, parameters: Mapping[str, float], d: float, p: 
     x0 = bound.start(np.array([d]), p)[0]
     largest = max(float(np.max(np.abs(x0))), abs(d))
     size = change = np.zeros(len(x0))
+    slope = bound.start_slope(d, p)
+    usual = np.where(slope != 0.0, np.maximum(np.abs(x0), np.abs(slope * d)), np.inf)
     for level in LEVELS:
         atol = level * np.where(x0 != 0.0, np.abs(x0), largest)
         options: dict[str, Any] = {"rtol": ROUGH, "atol": atol, "max_steps": STEPS}
         run = first_return(bound, x0, parameters, **options)
         x = np.column_stack([x0, run.y, run.x_end])
-        x = x[:, np.all(np.isfinite(x), axis=0)]
-        if not x.size:
+        kept = np.all(np.isfinite(x), axis=0)
+        if run.status is not Status.STOPPED:
+            kept &= np.logical_and.accumulate(np.all(np.abs(x) <= GROWN * usual[:, None], axis=0))
+        if not kept.any():
             break
+        x = x[:, kept]
         size, change = np.max(np.abs(x), axis=1), np.ptp(x, axis=1)
         if np.all((atol <= LITTLE * size) | (change == 0.0)):
             break
-    return MapUnits(d, size, change, x0, bound.start_slope(d, p))
+    return MapUnits(d, size, change, x0, slope)
 
 
 def finer(event_map: Map, d: float, rtol: float) -> Map:
