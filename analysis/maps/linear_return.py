@@ -27,6 +27,7 @@ from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.linearisation import linearise
 from filippov.base.status import mode_text
 from filippov.model.system import System
+from filippov.solving.solver import solve
 
 if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ScalarMap
@@ -53,8 +54,8 @@ def linear_slope(return_map: ScalarMap, reach: float) -> float | None:
     if section.kind != "sliding entry" or any(s.kind != "switching" for s in system.surfaces):
         return None
     i, side = return_map.bound.surfaces[0], math.copysign(1.0, reach)
-    solution = return_map.orbit(NEAR * reach)[0]
-    mode = solution.start_mode
+    x0 = return_map.bound.start(np.array([NEAR * reach]), return_map.p)[0]
+    mode = solve(system, x0, (0.0, 0.0), parameters=return_map.parameters).start_mode
     if mode[i] == 0 or 0 in mode:
         return None
     tiny = side * np.finfo(float).tiny

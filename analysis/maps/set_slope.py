@@ -80,11 +80,12 @@ def log_slope(event_map: ScalarMap, reach: float, **parameters: float) -> float:
 def _one_return_slope(event_map: ScalarMap, reach: float) -> SetSlope:
     """Limit of R(d)/d in closed form; else from ratios at reach, reach/2, ..., extrapolated until rounding
     takes over."""
-    fine, least = near_set(event_map, reach)
     exact = linear_slope(event_map, reach)
+    if exact is not None and np.isfinite(exact):
+        return SetSlope(exact, CLOSED * abs(exact))
+    fine, least = near_set(event_map, reach)
     if exact is not None:
-        note = "" if np.isfinite(exact) else _leaving(fine, float(np.copysign(least, reach)))
-        return SetSlope(exact, CLOSED * abs(exact), note)
+        return SetSlope(exact, np.inf, _leaving(fine, float(np.copysign(least, reach))))
     d = reach * 0.5 ** np.arange(LEVELS)
     ratios = fine(d) / d
     good = int(np.argmin(np.isfinite(ratios))) if not np.all(np.isfinite(ratios)) else LEVELS
