@@ -40,6 +40,9 @@ _EVENT_ROOM = 64
 # Steps of one call into compiled code, in which nobody looks up: some tens of milliseconds.
 _CHUNK = 50_000
 _WAITING = 0.05
+# Steps that the calling thread does before it asks others for help, about a millisecond: as long as they take
+# to begin.
+_ALONE = 3_000
 # Rows that a thread takes at a time, and parts of its share of all rows: at the end no thread waits long.
 # Rows at whose ends the gradients of functions are looked at.
 _LOOKED_AT = 32
@@ -166,9 +169,18 @@ class Batch:
             return
         if self.machine.callbacks is None:
             self.queue[2] = max(1, min(_MOST_TAKEN, self.size // (_PARTS * threads)))
+        mine = self._chunks(unit, _ALONE)
+        for _ in mine:
+            if mine.more:
+                break
+        if look is not None:
+            look(int(self.queue[1]))
+        if not mine.more:
+            return
         halt = threading.Event()
         with ThreadPoolExecutor(threads) as pool:
-            work = [pool.submit(self._work, unit, halt) for _ in range(threads)]
+            parts = [mine, *(self._chunks(unit) for _ in range(threads - 1))]
+            work = [pool.submit(self._work, part, halt) for part in parts]
             try:
                 while wait(work, timeout=_WAITING).not_done:
                     if look is not None:
@@ -191,13 +203,13 @@ class Batch:
             if look is not None:
                 look(int(self.queue[1]))
 
-    def _work(self, unit: Compiled | None, halt: threading.Event) -> None:
-        for _ in self._chunks(unit):
+    def _work(self, part: _Chunks, halt: threading.Event) -> None:
+        for _ in part:
             if halt.is_set():
                 return
 
-    def _chunks(self, unit: Compiled | None) -> _Chunks:
-        return _Chunks(self, unit)
+    def _chunks(self, unit: Compiled | None, first: int = 0) -> _Chunks:
+        return _Chunks(self, unit, first)
 
 
 class _Room:
@@ -303,13 +315,17 @@ def _aligned(size: int) -> Array:
 
 
 class _Chunks:
-    """One thread's part of a batch: an iterator that works for a chunk of steps at a time."""
+    """One thread's part of a batch: an iterator that works for a chunk of steps at a time.
 
-    def __init__(self, batch: Batch, unit: Compiled | None) -> None:
+    first   steps of the first chunk, where they are others
+    """
+
+    def __init__(self, batch: Batch, unit: Compiled | None, first: int = 0) -> None:
         machine = batch.machine
         self.batch, self.last, self.steps = batch, batch.size, _CHUNK
         if unit is not None:
             self.steps = _CHUNK // unit.lanes
+        self.usual, self.steps = self.steps, first or self.steps
         self.rooms = machine.rooms.setdefault(unit.lanes if unit is not None else 1, [])
         try:
             self.room = self.rooms.pop()
@@ -350,6 +366,7 @@ class _Chunks:
             self.more = left != 0 or self.row < self.last
             return
         self.more = self.function(self.last, self.steps, *self.arguments) != 0
+        self.steps = self.usual
 
     def _look(self, row: int) -> None:
         """Compare the gradients of functions with differences where a row begins or ends."""
