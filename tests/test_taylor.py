@@ -35,6 +35,7 @@ from filippov.kernel.tables.tableaus import SERIES_ORDERS, for_tolerance
 x, v, y = states("x v y")
 q = parameters(c=0.9, g=9.81)
 at = parameters(c=2.0, w=0.1)
+law = parameters(beta=2.0)
 PENDULUM = System({x: v, v: -sin(x)})
 BOUNCE = System({x: v, v: -sign(x)})
 
@@ -117,6 +118,21 @@ def test_14_2_peaks_that_no_coefficient_knows_of() -> None:
         run = taylor(peak, (0, 0), 5, rtol=1e-10, parameters={"c": c, "w": w})
         area = math.sqrt(math.pi) * w / 2 * (math.erf(c / w) + math.erf((5 - c) / w))
         assert abs(run.x_end[1] - area) < 1e-8, (c, w)
+
+
+@pytest.mark.parametrize("method", ["Taylor", "DP5", "DOP853"])
+def test_14_2_a_power_that_ends_at_its_surface_costs_no_steps(method: str) -> None:
+    """|v|**beta with beta = 2 is v**2 on both sides: an event is landed on in as many steps."""
+    slip = {"Abs(v)**beta": (Abs(v) / 0.1) ** law.beta, "v**2": (v / 0.1) ** 2}
+    steps, tried = [], []
+    for part in slip.values():
+        dry = sign(v) * (2 + 2 * exp(-part))
+        loop = System({x: v, v: -10 * (x + v + 10 * y) - dry - v, y: x}, surfaces=[Surface("dry", v)])
+        run = solve(loop, (0.1, 0, 0), (0, 30), rtol=1e-10, method=method)
+        steps.append(run.steps)
+        tried.append(run.steps + run.rejected)
+    assert steps[0] <= 1.02 * steps[1]
+    assert tried[0] <= 1.02 * tried[1]
 
 
 @cache

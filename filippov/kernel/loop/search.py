@@ -16,6 +16,7 @@ from filippov.kernel.loop.model import (
     AFFINE,
     CLAMPED,
     CONTACT,
+    END_IN_ERROR,
     G_COLUMN,
     G_FIRST,
     LINEAR,
@@ -322,10 +323,16 @@ def arrive(run: Trajectory) -> int:
         count.rejected += 1
         clock.step = 0.25 * abs(step)
         return AGAIN
-    length = now.length
+    length, last_k = now.length, shift(w.k, (STAGES - 1) * N)
+    # The end of the method's step, not of what was corrected since.
+    dense = now.dense_length if now.dense_length != 0.0 else length
+    for j in range(N):
+        w.xd[j] = w.xe[j] if dense == length else w.xd[j]
     if CLAMPED and now.cause == ROOT and failed == 0 and now.line == 0:
         # Such a field is clamped in stages beyond the surface, and a step across may look exact.
-        error = error_of(run, length, w.xe)
+        if END_IN_ERROR:
+            field(t + dense, w.xd, run.p, run.m, last_k, w, run.iw, run.ctx)
+        error = error_of(run, dense, w.xd)
         if error > 1.0:
             count.steps -= 1
             return reject(run, length, error)
@@ -335,13 +342,8 @@ def arrive(run: Trajectory) -> int:
     if (now.last != 0 and now.theta >= 1.0 and there) or (te - clock.t_end) * w.direction > 0.0:
         te = clock.t_end
     now.t_end = te
-    if now.dense_length == 0.0:
-        now.dense_length = length
+    now.dense_length = dense
     if count.store != 0 and te != t:
-        dense, last_k = now.dense_length, shift(w.k, (STAGES - 1) * N)
-        # The last stage is that of the step whose stages are there, not of what was corrected since.
-        for j in range(N):
-            w.xd[j] = w.xe[j] if dense == now.length else w.xd[j]
         field(t + dense, w.xd, run.p, run.m, last_k, w, run.iw, run.ctx)
         other_stages(t, run.x, run.p, run.m, dense, now.line != 0, w, run.iw, run.ctx)
         dense_output(run.x, dense, w)
