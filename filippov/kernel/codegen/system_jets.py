@@ -16,6 +16,7 @@ from filippov.kernel.codegen.generate import KernelPrinter, symbol_names, total_
 from filippov.kernel.codegen.generated import Generated
 from filippov.kernel.codegen.jet_graph import JetGraph
 from filippov.kernel.codegen.jets import jet_lines
+from filippov.kernel.language.unit import Constant
 from filippov.model.size import expanded
 from filippov.model.surface import Surface
 from filippov.model.symbolic import Select, SymbolicForm, convex
@@ -60,7 +61,16 @@ def system_jets(
     for i in sliding:
         lines += [f"        if i == {i}:", f"            return sliding_jets_{i}(t, x, p, m, m, work, out)"]
     lines += ["        return 1", "    return 1", "", *_end_lines(len(form.x), len(form.x) + 2 * rows, order)]
-    return Generated("\n".join(lines), {"JETS": len(form.x) + 2 * rows, "JET_ROOM": room})
+    constants: dict[str, Constant] = {
+        "JETS": len(form.x) + 2 * rows, "JET_ROOM": room, "POLYNOMIAL": is_polynomial(form),
+    }  # fmt: skip
+    return Generated("\n".join(lines), constants)
+
+
+def is_polynomial(form: SymbolicForm) -> bool:
+    """Whether the field off all sliding surfaces is a polynomial of t and the states."""
+    of = {t, *form.x, *form.s, *form.a}
+    return all(e.is_polynomial(*(of & e.free_symbols)) for e in (*form.field, *form.h))
 
 
 def _end_lines(n: int, width: int, order: int) -> list[str]:
