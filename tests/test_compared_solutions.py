@@ -177,3 +177,27 @@ def test_15_4_the_command_has_the_same_options(tmp_path: Path, capsys: pytest.Ca
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert [row["model"] for row in rows] == ["exact", "lugre", "lugre", "moreau", "moreau"]
     assert all(row["error_state"] is not None for row in rows)
+
+
+def test_15_4_a_smooth_sign_leaves_stick_with_the_attraction() -> None:
+    """v' = t - x - sgn v sticks at 0 until t = 1, where a smooth sign still lacks something to 1 beyond any
+    number of its widths: read at ten widths, arctan left at s = 0.96, at every width."""
+    x, v = states("x v")
+    pulled = System({x: v, v: t - x - sign(v)}, surfaces=[Surface("slip", v)])
+    table = compare(pulled, (0, 0), (0, 3), against=["tanh", "arctan", "sqrt"], widths=(1e-3, 1e-5))
+    for model in ("tanh", "arctan", "sqrt"):
+        wide, narrow = (row["error_times"] for row in table.of(model))
+        assert narrow < 1e-4, (model, wide, narrow)
+        assert narrow < wide / 20, (model, wide, narrow)
+
+
+def test_15_4_what_begins_in_stick_on_one_of_two_surfaces_has_no_entry() -> None:
+    """From v = w = 0 on w = -t, so v' = 0.5 + t - 1.2 s sticks until t = 0.7; with the sign that w has at 0
+    it would not, nor while w is in its band."""
+    v, w = states("v w")
+    system = System({v: 1 + t + 0.5 * sign(w) - 1.2 * sign(v), w: -2 - sign(w)})
+    table = compare(system, (0, 0), (0, 1), against=["band", "tanh", "hysteresis"], widths=(1e-3, 1e-5))
+    for model in table.models:
+        for row in table.of(model):
+            assert row["entries"] == [0, 0], row
+            assert row["error_times"] < 30 * row["width"], row

@@ -4,8 +4,8 @@ In such a model the surface is never reached: there is no sliding entry. What co
 
     by modes   the solution is in the mode in which the model says it sticks: signs of its own surfaces, each
                closed ("-" is h <= 0), so that moving along the edge of the layer counts as well
-    by layer   |h| <= reach * width for the surface h of the exact system, as long as the exact system is
-               attracted to the surface from both sides (dh/dt < 0 at s = +1 and > 0 at s = -1)
+    by layer   from |h| <= reach * width on, for the surface h of the exact system, as long as the exact
+               system is attracted to the surface from both sides (dh/dt < 0 at s = +1 and > 0 at s = -1)
 
 Comparators of bounded width are read by modes with that same condition at the entry; without it a solution
 that only reverses would stick.
@@ -174,31 +174,42 @@ class Reader:
         return float(machine.signs_at(t, point)[0][self.index])
 
     def _by_layer(self, solution: Solution, half: float) -> list[Stay]:
-        """Stays in |h| <= half while the exact system attracts, from the dense output."""
+        """Stays in stick from the dense output: from |h| <= half on, while the exact system attracts.
+
+        What a smooth sign lacks to 1 where stick ends leads beyond any multiple of its width, so a stay goes
+        on up to the geometric mean of the layer and the largest |h|.
+        """
         sol = solution.sol
         assert sol is not None, "the layer is read from the dense output"
         edge = half * (1.0 + 1e-9)
         t, x = solution.t, solution.y.T
-        inside = np.array([abs(self.height(a, b)) <= edge for a, b in zip(t, x, strict=True)])
+        size = np.array([abs(self.height(a, b)) for a, b in zip(t, x, strict=True)])
+        wide = max(edge, float(np.sqrt(edge * np.max(size))))
 
-        def inner(time: float) -> bool:
-            return abs(self.height(time, sol(time))) <= edge
+        def below(limit: float) -> Callable[[float], bool]:
+            return lambda time: abs(self.height(time, sol(time))) <= limit
 
         def held(time: float) -> bool:
             return self.attraction(time, sol(time)) > 0
 
         out: list[Stay] = []
-        for first, last in _runs(inside):
-            t0 = float(t[0]) if first == 0 else _border(float(t[first - 1]), float(t[first]), inner)
+        for first, last in _runs(size <= wide):
+            t0 = float(t[0]) if first == 0 else _border(float(t[first - 1]), float(t[first]), below(wide))
             end = last == len(t) - 1
-            t1 = float(t[-1]) if end else _border(float(t[last + 1]), float(t[last]), inner)
+            t1 = float(t[-1]) if end else _border(float(t[last + 1]), float(t[last]), below(wide))
             nodes = np.unique(np.concatenate([[t0], t[first : last + 1], [t1]]))
             nodes = nodes[np.unique(np.linspace(0, nodes.size - 1, NODES).astype(int))]
             for a, b in _runs(np.array([held(float(time)) for time in nodes])):
                 begun = t0 if a == 0 else _border(float(nodes[a - 1]), float(nodes[a]), held)
                 over = b == nodes.size - 1
                 ended = t1 if over else _border(float(nodes[b + 1]), float(nodes[b]), held)
-                at_start = first == a == 0
+                if not below(edge)(begun):
+                    inner = np.flatnonzero((t > begun) & (t <= ended) & (size <= edge))
+                    if not inner.size:
+                        continue
+                    k = int(inner[0])
+                    begun = _border(max(begun, float(t[k - 1])), float(t[k]), below(edge))
+                at_start = begun == t[0]
                 entry = np.asarray(solution.problem.x0 if at_start else sol(begun))
                 out.append(Stay(begun, ended, entry, at_start, end and over))
         return out

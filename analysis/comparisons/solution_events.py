@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -51,6 +51,17 @@ class Read:
     def time(self) -> float:
         """Time spent in stick."""
         return sum(stay.t1 - stay.t0 for stay in self.stays)
+
+    def begun_as(self, exact: Read) -> Read:
+        """The same, where a first entry during the stay that the exact solution begins in is no event.
+
+        At a start on several surfaces the others are within their bands for a while, and act otherwise.
+        """
+        own, theirs = self.stays[:1], exact.stays[:1]
+        if not own or not theirs or own[0].from_start or not theirs[0].from_start:
+            return self
+        late = own[0].t0 >= theirs[0].t1 or any(t < own[0].t0 for t in self.crossings)
+        return self if late else replace(self, stays=(replace(own[0], from_start=True), *self.stays[1:]))
 
 
 class EventReader:

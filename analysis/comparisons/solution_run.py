@@ -226,7 +226,8 @@ class ModelSolutions:
                 **exact.blank, "note": f"not computed: {why} at t = {solution.t_end:.4g}",
             }  # fmt: skip
         self.solutions[width] = solution
-        reads, last = exact.reader.model(solution, self.model, width), exact.ending_of(solution)
+        found, last = exact.reader.model(solution, self.model, width), exact.ending_of(solution)
+        reads = tuple(own.begun_as(theirs) for own, theirs in zip(found, exact.reads, strict=True))
         row = exact.measured(solution, reads, last)
         if not self.model.sticks:
             row |= {"error_times": None, "drift": None, "stick": None, "entries": [None] * len(reads)}

@@ -384,7 +384,8 @@ _ALL = (
     ),
     Command(
         "compare", "the exact inclusion against its approximations, over a section or along a solution "
-        "(--x0, --t-span, --against): comparison.csv, .json, .txt, .png", "compare",
+        "(--x0, --t-span, --against): comparison.csv, .json, .txt, .png; along a solution also .html",
+        "compare",
         (MODEL, PARAMETERS, INPUT, *APPROXIMATIONS, *START[:2], *TOLERANCES[:2], *SECTION),
         EXAMPLES["compare"],
         needs="filippov.analysis.comparisons.comparison",
