@@ -21,9 +21,7 @@ POINTS, FEWEST = 200, 20
 SAME, NEAR = 1e-8, 1e-9
 # Lines on which each surface is looked for, and how far beside it the places lie, in parts of such a line.
 LINES, BESIDE = 6, 1e-6
-# What a continuous field differs by falls at least so much where the distance falls by 100.
-FALLS = 0.1
-_OUTSIDE = (ValueError, ZeroDivisionError, OverflowError, TypeError, FloatingPointError)
+OUTSIDE = (ValueError, ZeroDivisionError, OverflowError, TypeError, FloatingPointError)
 
 
 class Numbers:
@@ -39,11 +37,13 @@ class Numbers:
 
     def h(self, t: float, x: Any) -> Array:
         """The switching functions (m,)."""
-        return np.array([float(h(t, *x, *self.p)) for h in self._h])
+        with np.errstate(all="ignore"):
+            return np.array([float(h(t, *x, *self.p)) for h in self._h])
 
     def h_along(self, t: Array, x: Array, i: int) -> Array:
         """The i-th switching function at times (k,) and states (n, k)."""
-        return np.broadcast_to(np.asarray(self._h[i](t, *x, *self.p), dtype=float), t.shape)
+        with np.errstate(all="ignore"):
+            return np.broadcast_to(np.asarray(self._h[i](t, *x, *self.p), dtype=float), t.shape)
 
     def field(self, t: float, x: Any, signs: Any = None) -> Array:
         """The field, with the signs of the switching functions where none are given."""
@@ -68,7 +68,7 @@ def disagreement(
                 h = numbers.h(when, full)
                 own = np.asarray(function(when, where.copy()), dtype=float).ravel()
                 theirs = numbers.field(when, full)[: len(where)]
-            except _OUTSIDE:
+            except OUTSIDE:
                 continue
         near = NEAR * (1.0 + np.max(np.abs(full)))
         if np.any(np.abs(h) < near) or not (np.all(np.isfinite(own)) and np.all(np.isfinite(theirs))):
@@ -84,14 +84,15 @@ def disagreement(
     return "", compared
 
 
-def _spread(y: Array) -> Array:
+def spread_of(y: Array) -> Array:
+    """How far each state goes, or 0.3 of its size; 1 where it is 0."""
     spread = np.maximum(np.ptp(y, axis=1), 0.3 * np.max(np.abs(y), axis=1))
     return np.where(spread > 0, spread, 1.0)
 
 
 def _random(t: Array, y: Array, seed: int) -> Iterator[tuple[float, Array]]:
     """Places on the solution and about it, near and far."""
-    rng, spread = np.random.default_rng(seed), _spread(y)
+    rng, spread = np.random.default_rng(seed), spread_of(y)
     for k in range(POINTS):
         j = int(rng.integers(len(t)))
         when = float(t[j]) if k % 2 else float(rng.uniform(t[0], t[-1]))
@@ -103,36 +104,12 @@ def _beside(
     numbers: Numbers, translation: Translation, t: Array, y: Array, seed: int
 ) -> Iterator[tuple[float, Array]]:
     """Places closely on both sides of each surface: a branch may hold in a narrow part of the states only."""
-    for _, along, root in _crossed(numbers, translation, t, y, seed):
+    for _, along, root in crossed(numbers, translation, t, y, seed):
         yield along(root - BESIDE)
         yield along(root + BESIDE)
 
 
-def continuous(translation: Translation, t: Array, y: Array) -> set[int]:
-    """Surfaces across which the field was found continuous, at all places where it was compared.
-
-    Across a corner what it differs by between two places falls with their distance, across a jump it stays.
-    """
-    numbers = Numbers(translation.system)
-    found: dict[int, bool] = {}
-    for i, along, root in _crossed(numbers, translation, t, y, 0):
-        gaps = []
-        with np.errstate(all="ignore"):
-            try:
-                for reach in (100 * BESIDE, BESIDE):
-                    a, b = (
-                        numbers.field(when, translation.extended(when, where))
-                        for when, where in (along(root - reach), along(root + reach))
-                    )
-                    gaps.append(float(np.max(np.abs(b - a)) / (1.0 + np.max(np.abs(a)))))
-            except _OUTSIDE:
-                continue
-        if np.all(np.isfinite(gaps)):
-            found[i] = found.get(i, True) and (gaps[1] < FALLS * gaps[0] or gaps[1] < NEAR)
-    return {i for i, always in found.items() if always}
-
-
-def _crossed(
+def crossed(
     numbers: Numbers, translation: Translation, t: Array, y: Array, seed: int
 ) -> Iterator[tuple[int, Callable[[float], tuple[float, Array]], float]]:
     """Surfaces with lines (time, state) of s that cross them, and the s where they do.
@@ -140,7 +117,7 @@ def _crossed(
     Lines in time, at random through the places of the run, and between neighbours of these: what lies within
     a narrow band of the states is met by the run alone.
     """
-    rng, spread = np.random.default_rng(seed + 1), _spread(y)
+    rng, spread = np.random.default_rng(seed + 1), spread_of(y)
     length, own = t[-1] - t[0], _heights(numbers, translation, t, y)
     for i in range(len(translation.system.surfaces)):
         lines: list[tuple[float, float, Array, Array, Array]] = []
@@ -170,7 +147,7 @@ def _crossed(
                 if turns:
                     root = brentq(height, float(line[-1][turns[0]]), float(line[-1][turns[0] + 1]))
                     yield i, along, float(root)
-            except _OUTSIDE:
+            except OUTSIDE:
                 continue
 
 
@@ -178,6 +155,6 @@ def _heights(numbers: Numbers, translation: Translation, t: Array, y: Array) -> 
     """The switching functions (m, k) at the places of a run; NaN where they have no value."""
     out = np.full((len(translation.system.surfaces), len(t)), np.nan)
     for j, when in enumerate(t):
-        with np.errstate(all="ignore"), suppress(*_OUTSIDE):
+        with np.errstate(all="ignore"), suppress(*OUTSIDE):
             out[:, j] = numbers.h(float(when), translation.extended(float(when), y[:, j]))
     return out

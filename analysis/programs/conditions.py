@@ -144,7 +144,8 @@ class Conditions(Switching):
             self.site(node, "if", difference)
             return self._counted(how, difference, half)
         if how in {"==", "!="}:
-            held = self._equal(node, difference, 0)
+            # Of what is 0 in a whole part of the states, as u == clip(u, -1, 1), this is no exact hit.
+            held = self._equal(node, difference, 0, noted=not self.rests(difference))
             return plain(Not(held)) if how == "!=" else held
         decided = self._stepped(node, how, difference, 0) if difference.has(*STEPS) else None
         if decided is None and self.rests(difference):
@@ -206,20 +207,21 @@ class Conditions(Switching):
         inner = {q for atom in found for part in atom.args for q in part.atoms(*kinds)}
         return sorted(found - inner, key=sympy.default_sort_key)
 
-    def _equal(self, node: ast.AST, difference: Any, depth: int) -> Any:
+    def _equal(self, node: ast.AST, difference: Any, depth: int, noted: bool) -> Any:
         """Where a difference is 0 in a whole part of the states; on a surface alone counts as never."""
         number = self.fixed(difference)
         if number is not None:
             return number == 0.0
         found = sorted(difference.atoms(*STEPS, *CORNERS), key=sympy.default_sort_key)
         if not found:
-            self.site(node, "equality", difference)
+            if noted:
+                self.site(node, "equality", difference)
             return False
         if depth >= MOST_STEPS:
             raise self.fail(node, f"an equality of what has more than {MOST_STEPS} cases")
         h, yes, no = cases_of(found[0])
         first, second = (
-            self._equal(node, sympy.expand(difference.xreplace({found[0]: value})), depth + 1)
+            self._equal(node, sympy.expand(difference.xreplace({found[0]: value})), depth + 1, noted)
             for value in (yes, no)
         )
         return _joined(h, first, second)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.programs.agreement import FEWEST, Numbers, continuous, disagreement
+from filippov.analysis.programs.agreement import FEWEST, Numbers, disagreement
+from filippov.analysis.programs.corners import continuous, jumped
 from filippov.analysis.programs.findings import (
     Finding,
     Switch,
@@ -213,7 +214,7 @@ def diagnose(
     solution = None
     if translation is not None and (found or translation.clocks):
         solution = solve(translation.system, translation.x0, span, zeno="continue")
-        found = switches(translation, solution, corners)
+        found = switches(translation, solution, corners - jumped(translation, solution))
         if memories:
             findings += _replayed(f, args, reading, solution, translation)
             _put_back(memories)
@@ -271,13 +272,13 @@ def _in_source(
     reading: Reading, translation: Translation | None, found: Sequence[Switch]
 ) -> Iterator[Finding]:
     """What the source says by itself: equalities, dead bands, memories, clocks."""
-    for site in reading.sites:
-        if site.kind == "equality":
-            yield Finding(
-                "equality", f"line {site.line} `{site.text}` compares floats for equality: it never holds at "
-                "the steps of an integrator. What holds on the surface is set by the inclusion; where more "
-                "is held at rest than in motion, say so by Surface(..., radius=Fs/Fc)", lines=(site.line,),
-            )  # fmt: skip
+    equal = {(site.line, site.text): site for site in reading.sites if site.kind == "equality"}
+    for site in equal.values():
+        yield Finding(
+            "equality", f"line {site.line} `{site.text}` compares floats for equality: it never holds at "
+            "the steps of an integrator. What holds on the surface is set by the inclusion; where more "
+            "is held at rest than in motion, say so by Surface(..., radius=Fs/Fc)", lines=(site.line,),
+        )  # fmt: skip
     for site in translation.sites if translation else ():
         width = _band(site.h)
         # A play or a backlash is a dead band of the plant itself: its field is continuous at the ends.

@@ -23,6 +23,8 @@ from filippov.solving.solution import Solution
 Array = npt.NDArray[np.float64]
 # Changes of sign of h between steps, while the solution slides, from which a run chatters.
 CHATTER = 3
+# Of a run that does not end: its last calls, and from which share on they are said to change sides.
+LAST, OFTEN = 1000, 0.02
 # A curve is wrong where it is off by more than this many of its own tolerances.
 WRONG = 10.0
 # What is divided by is close to its zero below this part of its largest value.
@@ -136,7 +138,7 @@ def in_run(
     x = np.vstack([x, np.zeros((translation.remembered, len(run.calls)))])
     out = [*_chattering(run, solution, numbers, x, found), *_missed(run, solution, found)]
     if run.ended and not any(finding.kind == "hang" for finding in out):
-        out.append(early(run))
+        out.append(early(run, _at_end(run, numbers, x, found)))
     out += _wrong(run, solution)
     return out
 
@@ -164,7 +166,10 @@ def _chattering(
         h = numbers.h_along(run.calls, x, i)
         for begin, end in _stays(solution, i):
             asked = np.flatnonzero((run.calls >= begin) & (run.calls <= end))
-            turns = int(np.count_nonzero(np.sign(h[asked[1:]]) * np.sign(h[asked[:-1]]) <= 0))
+            # A run that rests at h = 0 is on neither side.
+            sides = np.sign(h[asked])
+            sides = sides[sides != 0]
+            turns = int(np.count_nonzero(sides[1:] * sides[:-1] < 0))
             if turns < CHATTER:
                 continue
             steps = np.diff(run.t[(run.t >= begin) & (run.t <= end)])
@@ -193,14 +198,34 @@ def _chattering(
         )  # fmt: skip
 
 
-def early(run: NaiveRun) -> Finding:
-    """A run that did not reach its end."""
+def _at_end(
+    run: NaiveRun, numbers: Numbers, x: Array, found: tuple[Switch, ...]
+) -> tuple[Switch, int] | None:
+    """The surface that the last calls of a run change sides of most, and how often; None if none is."""
+    turned = []
+    for i in (i for i, switch in enumerate(found) if switch.kind != "kink"):
+        sides = np.sign(numbers.h_along(run.calls[-LAST:], x[:, -LAST:], i))
+        sides = sides[sides != 0]
+        turned.append((int(np.count_nonzero(sides[1:] * sides[:-1] < 0)), i))
+    most, i = max(turned, default=(0, -1))
+    return (found[i], most) if most > OFTEN * min(LAST, run.nfev) else None
+
+
+def early(run: NaiveRun, at: tuple[Switch, int] | None = None) -> Finding:
+    """A run that did not reach its end; at: a surface whose sides its last calls have changed so often."""
     t = float(run.t[-1])
     if run.ended == "budget":
         said = (
             f"scipy's {run.method} has come no further than t = {t:.6g} when its {run.nfev} calls are used up"
         )
-        return Finding("hang", said, t=t)
+        if at is None:
+            return Finding("hang", said, t=t)
+        switch, often = at
+        said += (
+            f": the last {min(LAST, run.nfev)} change sides of {switch.surface} = 0 ({switch.where}) {often} "
+            "times"
+        )
+        return Finding("hang", said, switch.surface, t, switch.lines)
     return Finding("exception", f"scipy's {run.method} ends at t = {t:.6g}: {run.ended}", t=t)
 
 

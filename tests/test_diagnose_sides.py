@@ -1,0 +1,128 @@
+"""What the doctor says of the sides of a surface: jumps and corners, chattering and rest, equalities."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from filippov.analysis import diagnose
+from filippov.analysis.programs.diagnosis import Diagnosis
+from filippov.base.user_file import load_file
+
+
+def diagnosed(folder: Path, source: str, x0: Any, t_end: float, **options: Any) -> Diagnosis:
+    """The diagnosis of a function f of this source."""
+    path = folder / "program.py"
+    path.write_text(source, encoding="utf-8")
+    return diagnose(load_file(path).f, x0, (0, t_end), **options)
+
+
+def kinds(found: Diagnosis) -> dict[str, str]:
+    """The kind of each surface by its name."""
+    return {switch.surface: switch.kind for switch in found.switches}
+
+
+def test_15_5_a_jump_in_a_narrow_part_of_a_surface_is_no_corner(tmp_path: Path) -> None:
+    """At |v| = 0.02 the field jumps by u where |u| < 0.3 only, which few random states and no step meet."""
+    found = diagnosed(
+        tmp_path,
+        "def f(t, y):\n"
+        "    x, v = y\n"
+        "    u = 10*(1 - x) - 2*v\n"
+        "    if abs(v) < 0.02 and abs(u) < 0.3: u = 0\n"
+        "    return [v, u]\n",
+        (5, 0), 1.0,
+    )  # fmt: skip
+    assert kinds(found)["Abs(v) - 0.02"] == "jump"
+    assert found.of("dead band")
+
+
+def test_15_5_a_band_of_velocities_by_hand_is_a_dead_band(tmp_path: Path) -> None:
+    """Inside |w| < 1e-6 the friction of a pendulum balances its weight: the field jumps at both edges, and
+    the solution stays on one."""
+    found = diagnosed(
+        tmp_path,
+        "import numpy as np\n"
+        "def f(t, y):\n"
+        "    q, w = y\n"
+        "    weight = -9.81*np.sin(q)\n"
+        "    if abs(w) < 1e-6:\n"
+        "        drag = -weight if abs(weight) <= 0.5 else -0.5*np.sign(weight)\n"
+        "    else:\n"
+        "        drag = -0.5*np.sign(w)\n"
+        "    return [w, weight + drag]\n",
+        (1, 0), 10.0,
+    )  # fmt: skip
+    edge, = (switch for switch in found.switches if switch.surface.startswith("Abs(w)"))
+    assert edge.slides
+    assert edge.kind == "jump"
+    assert [finding.lines for finding in found.of("dead band")] == [(5,)]
+
+
+def test_15_5_a_run_that_rests_on_a_surface_does_not_chatter(tmp_path: Path) -> None:
+    """With v == 0 written out the program rests at v = 0 to the last bit, up to t = 1: nothing changes sides
+    there. It hangs later, and the surface is named."""
+    found = diagnosed(
+        tmp_path,
+        "from math import copysign\n"
+        "def drag(v, pull):\n"
+        "    if v == 0: return min(max(pull, -4), 4)\n"
+        "    return 2*copysign(1, v)\n"
+        "def f(t, y):\n"
+        "    x, v = y\n"
+        "    pull = 20*(0.2*t - x)\n"
+        "    return [v, pull - drag(v, pull)]\n",
+        (0, 0), 8.0,
+    )  # fmt: skip
+    assert not found.of("chattering")
+    hang, = found.of("hang")
+    assert hang.surface == "v"
+    assert hang.t is not None
+    assert hang.t > 1
+    assert found.of("equality")
+
+
+def test_15_5_chattering_begins_in_the_stay_in_which_it_does(tmp_path: Path) -> None:
+    """At rest from 0 to 1, with v = 0 to the last bit, then pushed; it stops at t = 3 and chatters."""
+    found = diagnosed(
+        tmp_path,
+        "import numpy as np\n"
+        "def f(t, y):\n"
+        "    x, v = y\n"
+        "    push = 1.5 if 1 < t < 2 else 0\n"
+        "    return [v, push - 0.5*np.sign(v)]\n",
+        (0, 0), 5.0, max_calls=3000,
+    )  # fmt: skip
+    said, = (finding for finding in found.findings if finding.surface == "v" and finding.t is not None)
+    assert said.kind in ("hang", "chattering")
+    assert said.t == pytest.approx(4, abs=1e-6)          # (1.5 - 0.5)*1/0.5 after t = 2
+
+
+@pytest.mark.parametrize("condition", ["u != us", "not u == us", "us - u != 0"])
+def test_15_5_whether_a_clip_holds_is_no_equality_of_floats(tmp_path: Path, condition: str) -> None:
+    """u == clip(u, -2, 2) holds in a whole part of the states, exactly."""
+    found = diagnosed(
+        tmp_path,
+        "def f(t, y):\n"
+        "    x, i = y\n"
+        "    u = 5*(1 - x) + i\n"
+        "    us = max(-2, min(2, u))\n"
+        f"    return [us - x, 0 if {condition} else 1 - x]\n",
+        (0, 0), 10.0,
+    )  # fmt: skip
+    assert not found.of("equality")
+    assert found.solution is not None
+    assert found.solution.success
+
+
+def test_15_5_what_has_no_value_at_a_surface_warns_of_nothing(tmp_path: Path) -> None:
+    """1 - w/v < 0.2 of a wheel that starts at rest."""
+    found = diagnosed(
+        tmp_path,
+        "def f(t, y):\n"
+        "    v, w = y\n"
+        "    slip = 1 - w/v if v > 0 else 0\n"
+        "    return [-2.0, 3*(-1 if slip < 0.2 else 1)]\n",
+        (3, 3), 2.0,
+    )  # fmt: skip
+    assert found.solution is not None
