@@ -83,6 +83,7 @@ def modelica_text(
     jumps = list(_jumps(eq))
     if jumps:
         lines.append(f"  discrete Real x{end}[{n}]; discrete Real m{end}[{m}];")
+        lines += [f"  discrete Real side{j + 1}{end}(start = 1, fixed = true);" for j in _resetting(eq)]
     for i in range(len(system.time_events)):
         lines += [f"  Boolean clock{i + 1}{end};", f"  Integer count{i + 1}{end}(start = 0, fixed = true);"]
     lines.append(HELPERS)
@@ -131,6 +132,7 @@ def modelica_text(
         (_when(word, i, end),
          [f"x{end} = {word}{i + 1}{end}({held});",
           f"m{end} = {word}{i + 1}_sign{end}({held}, near{end});",
+          *_sides(eq, word, i, end),
           *(f"reinit({q}, x{end}[{j + 1}]);" for j, q in enumerate(system.states))])
         for word, i in jumps
     ])  # fmt: skip
@@ -179,6 +181,20 @@ def _jumps(eq: Equations) -> Iterator[tuple[str, int]]:
     yield from (("reset", i) for i, after in enumerate(eq.resets) if after is not None)
 
 
+def _resetting(eq: Equations) -> list[int]:
+    """The surfaces with a reset."""
+    return [i for i, sign in enumerate(eq.reset_from) if sign]
+
+
+def _sides(eq: Equations, word: str, i: int, end: str) -> list[str]:
+    """Whether a jump leaves the state on its side of each surface with a reset: 1, else -1."""
+    return [
+        f"side{j + 1}{end} = "
+        + ("1;" if (word, i) == ("reset", j) else f"pre(mode{j + 1}{end})*m{end}[{j + 1}];")
+        for j in _resetting(eq)
+    ]
+
+
 def _when(word: str, i: int, end: str) -> str:
     return f"{'clock' if word == 'strike' else 'event'}{i + 1}{end}"
 
@@ -198,7 +214,10 @@ def _surface(eq: Equations, i: int, end: str, jumps: Sequence[tuple[str, int]]) 
     upper, lower, near = f"r{end}[{2 * k - 1}]", f"r{end}[{2 * k}]", f"near{end}"
     side = f" and pre({mode}) == {eq.reset_from[i]}" if eq.reset_from[i] in (1, -1) else ""
     reached = f"pre({free}) and pre({mode})*{h} + {width!r} < 0"
-    lines = [f"  {event} = {reached}{side if eq.reset_from[i] else ''};"]
+    # The jump of a clock comes first: where h is beyond 0 behind it, this is no event of its own.
+    struck = " or ".join(_when(word, j, end) for word, j in jumps if word == "strike")
+    first = f" and not ({struck})" if struck and eq.reset_from[i] else ""
+    lines = [f"  {event} = {reached}{side if eq.reset_from[i] else ''}{first};"]
     jumped = " or ".join(_when(word, j, end) for word, j in jumps)
     chain = [(jumped, [f"{mode} = {_sign_of(f'm{end}[{k}]')};"])] if jumps else []
     sliding = slides(eq, i)
@@ -217,6 +236,9 @@ def _surface(eq: Equations, i: int, end: str, jumps: Sequence[tuple[str, int]]) 
     told = surface.name
     behind = f"not pre({free}) and pre({mode})*{h} + {width!r} < -{near}"
     lines += _ending(behind, f"surface {told} was passed unseen, or events accumulate there")
+    if jumps and eq.reset_from[i]:
+        across = f"corner: a jump leads across surface {told}, which has a reset"
+        lines += _ending(f"side{k}{end} < -0.5", across)
     if sliding:
         lines += _ending(
             f"pre({mode}) == 0 and {lower} - {upper} < 0", f"two-fold: surface {told} attracts no more"

@@ -43,7 +43,7 @@ typedef void (*EventHandler)(double t, const char *surface, const char *kind, co
                              const double *x, void *user);
 
 typedef struct {
-    double t, first, x[N], p[P], rtol, atol, length, last, since[M], widest[M], clocks[CLOCKS][TIMES];
+    double t, first, x[N], p[P], rtol, atol, length, last, since[M], widest[M], clocks[CLOCKS][TIMES], waiting[CLOCKS];
     int m[M], order[M], crowd, status, surface;
     int still[M]; /* kinks that the state stays on until the next event: h is not watched, and has to stay 0 */
     long room;
@@ -800,7 +800,8 @@ static void strike_clocks(Run *r) {
     for (int k = 0; k < CLOCK_COUNT; k++) {
         double x[N];
         int before[M], crossed[M];
-        if (clock_after(r, k, r->t - 2 * same(r)) > r->t + same(r)) continue;
+        if (r->waiting[k] > r->t + same(r)) continue;
+        r->waiting[k] = clock_after(r, k, r->t + same(r));
         memcpy(before, r->m, sizeof before);
         memcpy(x, r->x, sizeof x);
         strike(k, r->t, x, r->p, r->m, r->x);
@@ -823,7 +824,7 @@ static void check_still(Run *r) {
 /* One step, to an event, to the next instant of a clock, or to t_end at most. */
 static void move(Run *r, double t_end) {
     double due = INFINITY, goal;
-    for (int k = 0; k < CLOCK_COUNT; k++) due = fmin(due, clock_after(r, k, r->t + same(r)));
+    for (int k = 0; k < CLOCK_COUNT; k++) due = fmin(due, r->waiting[k]);
     goal = fmin(due, t_end);
     if (goal - r->t > same(r)) {
         int surface = -1, what = 0;
@@ -897,6 +898,8 @@ static int run_model(double *x0, double t0, double *t1, const double *p, double 
             free(r);
             return BAD_ARGUMENT;
         }
+        /* Kept, not taken from t: a step may end within rounding before an instant, which is still to come. */
+        r->waiting[k] = clock_after(r, k, r->t + same(r));
     }
     if (!setjmp(r->out)) {
         start(r);
