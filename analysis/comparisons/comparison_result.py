@@ -141,7 +141,8 @@ class Comparison(Shown, Answering):
             return made(order, True, f"goes to 0 like width^{order:.2f}; {end} at width {width:g}.")
         return made(
             order, False,
-            f"does NOT go to 0: {above[0][1]:.3g} at width {above[0][0]:g}, {error:.3g} at width {width:g}.",
+            f"does NOT go to 0 at these widths: {above[0][1]:.3g} at width {above[0][0]:g}, {error:.3g} at "
+            f"width {width:g}.",
         )  # fmt: skip
 
     def __str__(self) -> str:

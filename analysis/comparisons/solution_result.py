@@ -136,7 +136,8 @@ class SolutionComparison(Shown, Answering):
             text = f"{what} goes to 0 like width^{order:.2f}; {error:.2g} at width {width:.3g}."
             return Trend(model, {}, quantity, order, True, text)
         (first, most), (last, least) = above[0], above[-1]
-        text = f"{what} does NOT go to 0: {most:.3g} at width {first:g}, {least:.3g} at width {last:g}."
+        ends = f"{most:.3g} at width {first:g}, {least:.3g} at width {last:g}"
+        text = f"{what} does NOT go to 0 at these widths: {ends}."
         return Trend(model, {}, quantity, order, False, text)
 
     def __str__(self) -> str:

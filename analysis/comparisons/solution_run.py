@@ -33,6 +33,7 @@ MOST_DECADES = 6
 AIM, ENOUGH = 0.9, 0.75
 EXPLICIT, IMPLICIT = "DOP853", "Radau"
 ERRORS = ("error_state", "error_final", "error_times", "drift")
+READ_KINDS = {None: None, "crossing": "crossing", "sliding entry": "entry", "sliding exit": "exit"}
 TOO_MANY = {Status.MAX_STEPS: "steps", Status.MAX_EVENTS: "events"}
 
 
@@ -126,18 +127,22 @@ class ExactSolution:
             "ending": last.kind, "amplitude": last.amplitude, "period": last.period,
             "field_calls": solution.nfev, "jacobians": solution.njev, "factorisations": solution.nlu,
         }  # fmt: skip
-        return found | self._own_measures(solution)
+        return found | self._own_measures(solution, reads)
 
-    def _own_measures(self, solution: Solution) -> dict[str, Any]:
-        """The measures asked for; None where an approximation does not have what they name."""
+    def _own_measures(self, solution: Solution, reads: Sequence[Read]) -> dict[str, Any]:
+        """The measures asked for; None where an approximation does not have what they name.
+
+        The events of an approximation are those read of it, like its stays in stick.
+        """
         found: dict[str, Any] = {}
         for measure in self.measures:
             if isinstance(measure, Function):
                 found |= {name: float(value) for name, value in measure.call(solution).items()}
                 continue
+            own = None if solution.system is self.system else _of_reads(measure, reads, self.span)
             try:
-                values: list[Any] = list(measure.of_solution(solution, TAIL))
-            except ModelError:
+                values: list[Any] = list(measure.of_solution(solution, TAIL)) if own is None else [own]
+            except (ModelError, UsageError):
                 if solution.system is self.system:
                     raise
                 values = [None]
@@ -152,6 +157,17 @@ class ExactSolution:
             solve(system, x0, self.t_span, **options)
             spent.append(time.perf_counter() - begun)
         return statistics.median(spent)
+
+
+def _of_reads(measure: Any, reads: Sequence[Read], span: float) -> float | None:
+    """events(surface), events(surface, kind) and sliding(surface) of what was read; None for others."""
+    surface, kind = (*measure.arguments, None, None)[:2]
+    read = next((read for read in reads if read.surface == surface), None)
+    if read is None or measure.name not in ("events", "sliding") or kind not in READ_KINDS:
+        return None
+    if measure.name == "sliding":
+        return read.time
+    return float(sum(READ_KINDS[kind] in (None, event[2]) for event in read.events(span)))
 
 
 def _extent(x: Array) -> Array:
@@ -228,7 +244,7 @@ class ModelSolutions:
         self.solutions[width] = solution
         found, last = exact.reader.model(solution, self.model, width), exact.ending_of(solution)
         reads = tuple(own.begun_as(theirs) for own, theirs in zip(found, exact.reads, strict=True))
-        row = exact.measured(solution, reads, last)
+        row = exact.measured(solution, reads if self.model.sticks else (), last)
         if not self.model.sticks:
             row |= {"error_times": None, "drift": None, "stick": None, "entries": [None] * len(reads)}
         row["calls_ratio"] = solution.nfev / max(exact.coarse.nfev, 1)
