@@ -17,6 +17,8 @@ Array = npt.NDArray[np.float64]
 CLEARLY = 2.0
 # Of the extents: what ends further away ends elsewhere; what is everywhere nearer has the cycle of the other.
 ELSEWHERE, SAME = 0.1, 0.02
+# Sticks that follow each other evenly, less than this factor oftener, are those of another period.
+OFTENER = 1.25
 # Of the longer one: stays this near to each other are one, where all together last longer than that.
 BESIDE = 0.5
 
@@ -70,6 +72,10 @@ def _alike(mine: Read, theirs: Read, run: Seen, exact: Seen) -> bool:
     pairs = ((mine.stays, theirs.stays), (theirs.stays, mine.stays))
     as_long = min(mine.time, theirs.time) > BESIDE * max(mine.time, theirs.time)
     if as_long and all(any(_beside(a, b) for b in others) for these, others in pairs for a in these):
+        return True
+    gaps = [np.diff(_entries(read)[-3:]) for read in (mine, theirs)]
+    steady = all(gap.size == 2 and np.ptp(gap) <= CHANGES * np.max(gap) for gap in gaps)
+    if steady and abs(np.log(np.mean(gaps[0]) / np.mean(gaps[1]))) < np.log(OFTENER):
         return True
     cycles = [(read, seen) for read, seen in ((mine, exact), (theirs, run)) if seen.ending.period]
     if len(cycles) < len(pairs):

@@ -64,7 +64,7 @@ def plot_solution_comparison(
         gaps.set_ylabel(f"|error of {name}|{chr(10) + label[label.index('[') :] if '[' in label else ''}")
         _floor(gaps)
         what = quantity.replace("_", " ").replace("error", "error of")
-        left.set(xscale="log", yscale="log", xlabel="half-width", ylabel=what)
+        left.set(xscale="log", yscale="log", xlabel="width", ylabel=what)
         right.set(xscale="log", yscale="log", xlabel="field calls", ylabel=what)
         left.invert_xaxis()
         _reference(left, right, comparison.rows[0], quantity)
