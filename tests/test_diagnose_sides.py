@@ -3,7 +3,9 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from filippov.analysis import diagnose
 from filippov.analysis.programs.diagnosis import Diagnosis
@@ -126,3 +128,34 @@ def test_15_5_what_has_no_value_at_a_surface_warns_of_nothing(tmp_path: Path) ->
         (3, 3), 2.0,
     )  # fmt: skip
     assert found.solution is not None
+
+
+@pytest.mark.parametrize(
+    "direction", ["v/n if n > EPS else np.zeros(2)", "v/max(n, EPS)", "v/(n if EPS < n else 1e-9)"]
+)
+def test_15_5_a_direction_with_a_band_by_hand_runs_and_is_named(tmp_path: Path, direction: str) -> None:
+    """A body on springs with friction in the plane. Along x the direction is the sign of one speed, and the
+    body rests at -0.2 after turns at -1.4 and 0.8; elsewhere scipy says, with a hundred times the band."""
+    source = (
+        "import numpy as np\n"
+        "EPS = 1e-9\n"
+        "def f(t, y):\n"
+        "    x, v = y[:2], y[2:]\n"
+        "    n = np.linalg.norm(v)\n"
+        f"    return np.concatenate([v, -x - 0.3*({direction})])\n"
+    )
+    found = diagnosed(tmp_path, source, (2, 0, 0, 0), 12.0)
+    assert found.solution is not None
+    assert found.solution.success
+    assert found.solution.x_end == pytest.approx([-0.2, 0, 0, 0], abs=1e-6)
+    assert any("plane" in finding.sentence for finding in found.of("dead band"))
+    found = diagnosed(tmp_path, source, (2, 0.5, 0.3, 0), 12.0)
+    assert found.solution is not None
+    assert found.solution.success
+    assert found.code.rstrip().endswith("method='Radau')")
+
+    def f(t: float, y: Any) -> Any:
+        return [y[2], y[3], *(-y[:2] - 0.3 * y[2:] / max(float(np.hypot(*y[2:])), 1e-7))]
+
+    known = solve_ivp(f, (0, 12), (2, 0.5, 0.3, 0), method="Radau", rtol=1e-9, atol=1e-12)
+    assert found.solution.x_end == pytest.approx(known.y[:, -1], abs=2e-6)

@@ -152,6 +152,9 @@ class Conditions(Switching):
             decided = self._by_case(node, how, difference)
         if decided is not None:
             return decided
+        length = self.length_less(a, b)
+        if length is not None:
+            a, b = (length, sympy.S.Zero) if isinstance(a, sympy.Pow) else (sympy.S.Zero, length)
         held = plain(_SYMPY[how](a, b, evaluate=False))
         if not isinstance(held, bool):
             self.site(node, "if", a - b)

@@ -25,7 +25,7 @@ from filippov.analysis.programs.naive_run import NaiveRun, run_naively
 from filippov.analysis.programs.notes import Memory, ReadingError
 from filippov.analysis.programs.reader import Reading, read_program
 from filippov.analysis.programs.source import source_of
-from filippov.analysis.programs.translation import Translation, going_on, translate
+from filippov.analysis.programs.translation import Translation, going_on, stiffly, translate
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.escape import printable
 from filippov.base.given import Count, NonNegative, Positive
@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = npt.NDArray[np.float64]
+# Steps of the solution of the inclusion under one method.
+STEPS = 400_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +215,13 @@ def diagnose(
     found = switches(translation, None, corners) if translation else ()
     solution = None
     if translation is not None and (found or translation.clocks):
-        solution = solve(translation.system, translation.x0, span, zeno="continue")
+        solution = solve(translation.system, translation.x0, span, zeno="continue", max_steps=STEPS)
+        if solution.status is Status.MAX_STEPS:  # held up by a stiff field, such as that of a narrow band
+            stiff = solve(
+                translation.system, translation.x0, span, zeno="continue", max_steps=STEPS, method="Radau"
+            )
+            if stiff.success:
+                solution, translation = stiff, replace(translation, code=stiffly(translation.code))
         found = switches(translation, solution, corners - jumped(translation, solution))
         if memories:
             findings += _replayed(f, args, reading, solution, translation)
@@ -289,6 +297,15 @@ def _in_source(
                 "wide to each side: inside it the solution creeps or drifts. Write sign(...) alone, and the "
                 "inclusion holds it", lines=(site.line,),
             )  # fmt: skip
+        norm = _norm_band(site.h)
+        if norm is not None:
+            yield Finding(
+                "dead band", f"line {site.line} `{site.text}` is a dead band of a length, {norm:.3g} wide: "
+                "inside it the solution creeps. At 0 a direction such as v/|v| jumps to all sides at once, "
+                "which no sign of a surface describes, so the System has the band too. Friction in the plane "
+                "is of this kind; where the slip keeps its direction, write it as the sign of one speed, as "
+                "the gallery's model of friction in the plane does", lines=(site.line,),
+            )  # fmt: skip
     for memory in reading.memories:
         yield Finding(
             "memory", f"line {memory.line}: {memory.label} keeps its value from call to call, and an "
@@ -321,6 +338,25 @@ def _band(h: Any) -> float | None:
         {q: sympy.Float(q.parameter.default) for q in rest.free_symbols if isinstance(q, ParameterSymbol)}
     )
     return abs(float(number)) if number.is_number and 0 < abs(float(number)) <= 0.1 else None
+
+
+def _norm_band(h: Any) -> float | None:
+    """The half-width of u^2 + v^2 < width^2, small against 1; None for another condition."""
+    import sympy
+
+    from filippov.model.parameter_symbol import ParameterSymbol
+
+    if not isinstance(h, sympy.Add):
+        return None
+    if all(q.could_extract_minus_sign() for q in h.args if q.free_symbols - h.atoms(ParameterSymbol)):
+        h = -h
+    squares = [q for q in h.args if q.is_Pow and q.exp == 2 and not isinstance(q.base, ParameterSymbol)]
+    rest = h - sympy.Add(*squares)
+    number = rest.xreplace(
+        {q: sympy.Float(q.parameter.default) for q in rest.free_symbols if isinstance(q, ParameterSymbol)}
+    )
+    found = len(squares) > 1 and number.is_number and -0.01 <= float(number) < 0
+    return float((-float(number)) ** 0.5) if found else None
 
 
 def _at_start(

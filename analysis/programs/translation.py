@@ -293,6 +293,11 @@ def going_on(code: str) -> str:
     return f"{code.removesuffix(LAST)}, zeno='continue'{LAST}"
 
 
+def stiffly(code: str) -> str:
+    """The text of a program whose field is stiff, to run with the implicit method."""
+    return f"{code.removesuffix(LAST)}, method='Radau'{LAST}"
+
+
 def _tuple(values: tuple[float, ...]) -> str:
     return f"({number(values[0])},)" if len(values) == 1 else f"({', '.join(map(number, values))})"
 
