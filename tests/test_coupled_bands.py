@@ -200,6 +200,41 @@ def test_15_1_the_stick_of_a_pair_is_the_one_of_its_nine_cases(kind: Any) -> Non
     assert both > 10
 
 
+def inert(rng: np.random.Generator) -> System:
+    """Two joints whose inertia is a full matrix M, each with friction: M (v', w') = forces."""
+    a, b, c = *rng.uniform(1, 3, 2), rng.uniform(-0.8, 0.8)
+    first = -5 * x + rng.uniform(0.6, 1) * cos(t) - rng.uniform(0.6, 0.9) * sign(v)
+    second = -3 * y - rng.uniform(0.5, 0.8) * sign(w)
+    det = a * b - c**2
+    return System({x: v, v: (b * first - c * second) / det, y: w, w: (a * second - c * first) / det})
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("kind", ["switch", "karnopp"])
+def test_15_1_friction_of_bodies_that_a_mass_matrix_couples(kind: str, seed: int) -> None:
+    """A force on one joint acts on the rate of the other: of first order in the width, like any other."""
+    table = compare(
+        inert(np.random.default_rng(seed)), (0.5, 0.3, 0.8, -0.4), (0, 8), against=[kind],
+        widths=(1e-3, 1e-4, 1e-5),
+    )  # fmt: skip
+    assert sum(table.rows[0]["entries"]) > 0
+    _, wide, narrow = (row["error_state"] for row in table.of(kind))
+    assert narrow < 1e-4
+    assert wide / narrow == pytest.approx(10, rel=0.1)
+    if kind == "karnopp":
+        assert table.of(kind)[-1]["drift"] < 1e-13
+
+
+def test_15_1_karnopp_brings_a_coupled_velocity_to_rest_by_its_impulse() -> None:
+    """v' = 2 f, w' = -f by the force f on v: at v = d within the band, w is taken at w + d/2."""
+    f = -0.7 * x - sign(v)
+    made = System({x: v, v: 2 * f, y: w, w: -f - w - 0.2 * y}).with_comparator(Karnopp(0.1, 0))
+    short = 1e-6
+    run = solve(made, (0.3, 0.05, 0, 2), (0, short))
+    # Stuck: v' = 0 needs f = 0, and w' = -(w + 0.025).
+    assert (run.x_end - [0.3, 0.05, 0, 2]) / short == pytest.approx([0, 0, 2.025, -2.025], abs=1e-4)
+
+
 def test_15_1_what_no_pair_of_bands_can_stand_for_is_refused() -> None:
     z, u = states("z u")
     three = System({v: -sign(v) - sign(v - w), w: -sign(w) + sign(v - w), x: v, y: w})

@@ -127,9 +127,9 @@ class Karnopp(_Checked):
     Like `Switch`, with every other equation, and the balance L(lo) >= 0 >= L(hi) of the stick, taken at that
     velocity: nothing drifts in stick. Its own state goes there with dh/dt = -alpha h, or stays with alpha =
     0, Karnopp's own form. h must be a velocity, a state that another state's equation holds, linearly, or one
-    body's velocity against another's, v - w; its sign must act on the equations of these alone. Velocities
-    go to h = 0 along what the sign does, so that those of two bodies keep their momentum. Source: Karnopp
-    1985.
+    body's velocity against another's, v - w; its sign must act on the equations of velocities alone, in a
+    ratio that no state changes. Velocities go to h = 0 along what the sign does, so that those of two bodies
+    keep their momentum, and those that a mass matrix couples move as by the impulse. Source: Karnopp 1985.
     """
 
     DV: Any

@@ -140,7 +140,12 @@ class StickBand:
     def _velocity(self, held: list[int]) -> dict[Symbol, Expr]:
         """The states at h = 0; ModelError where h is no velocity of a body, or of one against another."""
         others = [f for k, f in enumerate(self.equations) if k not in held]
-        if any(f.has(self.s) for f in others):
+        # Through a mass matrix a force acts on the velocities of other bodies as well, as its impulse does.
+        moved = [
+            x for k, (x, f) in enumerate(zip(self.form.x, self.equations, strict=True))
+            if k not in held and f.has(self.s)
+        ]  # fmt: skip
+        if any(x not in self.equations for x in moved):
             names = " or ".join(self.form.x[k].name for k in held)
             raise ModelError(
                 f"{self.name}: its sign acts on other equations than that of {names}, so there is no balance "
