@@ -128,8 +128,9 @@ class Karnopp(_Checked):
     velocity: nothing drifts in stick. Its own state goes there with dh/dt = -alpha h, or stays with alpha =
     0, Karnopp's own form. h must be a velocity, a state that another state's equation holds, linearly, or one
     body's velocity against another's, v - w; its sign must act on the equations of velocities alone, in a
-    ratio that no state changes. Velocities go to h = 0 along what the sign does, so that those of two bodies
-    keep their momentum, and those that a mass matrix couples move as by the impulse. Source: Karnopp 1985.
+    ratio that none of them changes. Velocities go to h = 0 along what the sign does, so that those of two
+    bodies keep their momentum, and those that a mass matrix couples move as by the impulse. Source: Karnopp
+    1985.
     """
 
     DV: Any

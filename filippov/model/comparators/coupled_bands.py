@@ -93,7 +93,7 @@ class CoupledBands:
         """What each state loses where h is brought to 0 along what the signs do, as by an impulse."""
         return moved_onto(
             [self.bands[i].h for i in inside], [self.gradients[i] for i in inside],
-            [self.effects[i] for i in inside], self.form.p,
+            [self.effects[i] for i in inside], (), self.form.p,
         )  # fmt: skip
 
     def _seen(self, sides: tuple[int, int], tested: bool) -> dict[Symbol, Expr]:

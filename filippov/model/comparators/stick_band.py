@@ -153,14 +153,14 @@ class StickBand:
             )
         effect = [convex(f, {self.s}).xreplace(self.at).diff(self.s) for f in self.equations]
         gradient = [self.h.diff(x) for x in self.form.x]
-        lost = moved_onto([self.h], [gradient], [effect], self.form.p)
+        lost = moved_onto([self.h], [gradient], [effect], self.form.x, self.form.p)
         # y - x/2 with x' = v and a sign on y alone is a relay of a place, whatever y is.
         places = [k for k in held if effect[k] == 0 and self.equations[k] in self.form.x]
         if not lost or places:
             raise ModelError(
                 f"{self.name}: h = {self.surface.h} holds {len(held)} states, expected the velocity of a "
                 "body or of one against another: linear in the states, and its sign divided between their "
-                f"equations in a ratio that no state changes. {OTHERS}"
+                f"equations in a ratio that none of these changes. {OTHERS}"
             )
         for x, less in zip(self.form.x, lost, strict=True):
             if less != 0 and not any(f.has(x) for f in others):
@@ -217,12 +217,17 @@ class StickBand:
 
 def moved_onto(
     h: Sequence[Expr], gradients: Sequence[Sequence[Expr]], effects: Sequence[Sequence[Expr]],
-    p: Sequence[Symbol],
+    x: Sequence[Symbol], p: Sequence[Symbol],
 ) -> list[Expr]:  # fmt: skip
-    """What each state loses on the way to h = 0 along the effects; [] where that way depends on the state."""
+    """What each state loses on the way to h = 0 along the effects; [] where that way bends.
+
+    x: the states. It may depend on those that stay, as a mass matrix does on the places; () for on none.
+    """
     rows, columns = sympy.Matrix(gradients), sympy.Matrix(effects).T
     slope = rows * columns
     if rows.free_symbols - set(p) or sympy.simplify(slope.det()) == 0:
         return []
     share = (columns * slope.inv()).applyfunc(sympy.cancel)
-    return [] if share.free_symbols - set(p) else list(share * sympy.Matrix(h))
+    lost = list(share * sympy.Matrix(h))
+    stay = {q for q, less in zip(x, lost, strict=bool(x)) if less == 0}
+    return [] if share.free_symbols - {*p, *stay} else lost
