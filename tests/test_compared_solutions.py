@@ -220,6 +220,15 @@ def test_15_4_events_of_approximations_are_those_read_of_them() -> None:
         assert counts == ([3, 2, 1] if row["model"] != "lugre" else [None] * 3), row
         if row["model"] != "lugre":
             assert row["sliding(slip)"] == pytest.approx(12 - stops, abs=5e-3)
+            assert [event[2] for event in row["event_times"]] == ["crossing", "crossing", "entry"]
+            assert [event[0] for event in row["event_times"]] == pytest.approx(
+                [math.pi, 2 * math.pi, stops], abs=5e-3
+            )
+            assert np.array(row["stays"]["slip"]) == pytest.approx(np.array([[stops, 12]]), abs=5e-3)
+        else:
+            assert row["stays"] is None
+    assert "stays" not in table.to_csv()
+    assert json.loads(table.to_json())["rows"][0]["event_times"][-1][1:] == ["slip", "entry"]
     assert table.of("tanh")[0]["period(slip)"] is None
 
 

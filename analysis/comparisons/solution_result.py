@@ -9,7 +9,7 @@ from typing import Any
 
 from filippov.analysis.comparisons.approximation import UNFIT
 from filippov.analysis.comparisons.comparison_result import SLOWEST, Trend, aligned, fitted
-from filippov.analysis.comparisons.solution_run import ERRORS, OWN
+from filippov.analysis.comparisons.solution_run import ERRORS, LISTS, OWN
 from filippov.base.csv_text import csv_text
 from filippov.base.json_text import json_text
 from filippov.base.names import Answering
@@ -64,7 +64,8 @@ class SolutionComparison(Shown, Answering):
     rows       one dict per row: model, width (None: exact, or the note says why it does not apply), method,
                error_state, error_final (over the extent of each state), error_times, drift, stick (time),
                entries (into stick, by surface), ending, amplitude, period, field_calls, jacobians,
-               factorisations, calls_ratio, seconds, note, measures
+               factorisations, calls_ratio, seconds, note, measures; not in the table: stays (times in stick,
+               by surface), event_times (entry, exit and crossing, each with its surface)
     faults     a sentence for each qualitative difference, at the narrowest width that has it
     needed     the widths for the requested accuracy
     exact      the exact Solution; solutions: those of the widest width by model
@@ -179,7 +180,7 @@ class SolutionComparison(Shown, Answering):
 
     def to_csv(self) -> str:
         """The rows as a table."""
-        columns = tuple(dict.fromkeys(key for row in self.rows for key in row))
+        columns = tuple(dict.fromkeys(key for row in self.rows for key in row if key not in LISTS))
         return csv_text(columns, ([row.get(key) for key in columns] for row in self.rows))
 
     def to_html(self) -> str:

@@ -37,9 +37,10 @@ READ_KINDS = {None: None, "crossing": "crossing", "sliding entry": "entry", "sli
 TOO_MANY = {Status.MAX_STEPS: "steps", Status.MAX_EVENTS: "events"}
 
 
+LISTS = ("stays", "event_times")  # of a row, not of a table
 OWN = (
     "model", "width", "method", *ERRORS, "stick", "entries", "ending", "amplitude", "period", "field_calls",
-    "jacobians", "factorisations", "calls_ratio", "seconds", "note",
+    "jacobians", "factorisations", "calls_ratio", "seconds", "note", *LISTS,
 )  # fmt: skip
 
 
@@ -124,7 +125,8 @@ class ExactSolution:
             "drift": max((read.drift for read in reads if read.stays), default=None),
             "stick": sum(read.time for read in reads),
             "entries": [sum(not stay.from_start for stay in read.stays) for read in reads],
-            "ending": last.kind, "amplitude": last.amplitude, "period": last.period,
+            "stays": {read.surface: [(stay.t0, stay.t1) for stay in read.stays] for read in reads},
+            "event_times": own, "ending": last.kind, "amplitude": last.amplitude, "period": last.period,
             "field_calls": solution.nfev, "jacobians": solution.njev, "factorisations": solution.nlu,
         }  # fmt: skip
         return found | self._own_measures(solution, reads)
@@ -246,7 +248,7 @@ class ModelSolutions:
         reads = tuple(own.begun_as(theirs) for own, theirs in zip(found, exact.reads, strict=True))
         row = exact.measured(solution, reads if self.model.sticks else (), last)
         if not self.model.sticks:
-            row |= {"error_times": None, "drift": None, "stick": None, "entries": [None] * len(reads)}
+            row |= dict.fromkeys(("error_times", "drift", "stick", *LISTS)) | {"entries": [None] * len(reads)}
         row["calls_ratio"] = solution.nfev / max(exact.coarse.nfev, 1)
         row["seconds"] = exact.clock(system, start, options)
         self.seen[width] = Seen(blank | row, last, reads, solution.t_end)
