@@ -159,3 +159,16 @@ def test_15_5_a_direction_with_a_band_by_hand_runs_and_is_named(tmp_path: Path, 
 
     known = solve_ivp(f, (0, 12), (2, 0.5, 0.3, 0), method="Radau", rtol=1e-9, atol=1e-12)
     assert found.solution.x_end == pytest.approx(known.y[:, -1], abs=2e-6)
+
+
+def test_15_5_a_jump_at_some_times_only_is_no_corner(tmp_path: Path) -> None:
+    """Between t = 1 and 2 the rate jumps where y passes 1.5, before and after it does not."""
+    found = diagnosed(
+        tmp_path,
+        "def f(t, y):\n"
+        "    if t < 1: return [1.0]\n"
+        "    elif t < 2 and y[0] < 1.5: return [0.4]\n"
+        "    return [-y[0]]\n",
+        (0,), 40.0,
+    )  # fmt: skip
+    assert kinds(found)["y0 - 1.5"] == "jump"

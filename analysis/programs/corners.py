@@ -1,16 +1,19 @@
 """Which surfaces of a program are corners: across them the field was found continuous, wherever compared.
 
 A field may jump in a narrow part of a surface only, as one that switches where |v| < 0.01 and |u| < 0.3. Such
-a part ends where another surface crosses this one, so places beside these lines are compared as well.
+a part ends where another surface crosses this one, so places beside these lines are compared as well; where
+time alone decides, at times between its instants.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import brentq
 
 from filippov.analysis.algebra.linalg import lstsq, pinv
 from filippov.analysis.programs.agreement import BESIDE, NEAR, OUTSIDE, Numbers, crossed, spread_of
@@ -22,6 +25,8 @@ Array = npt.NDArray[np.float64]
 FALLS = 0.1
 # Where two surfaces meet: starts for each pair, steps of Newton, and how far from there the places lie.
 STARTS, NEWTON, ASIDE = 4, 30, 1e-3
+# Times at which instants of surfaces of time are looked for, between how many of these, and lines at each.
+GRID, MOST_TIMES, TURNS = 2000, 12, 4
 # A difference of the two sides on a surface itself, over the size of the field.
 DIFFERS = 1e-9
 
@@ -42,8 +47,12 @@ def continuous(translation: Translation, t: Array, y: Array) -> set[int]:
         if falls is not None:
             found[i] = found.get(i, True) and falls
     corners = {i for i, always in found.items() if always}
+    times = _between_instants(numbers, translation, t, y)
     for i in sorted(corners):
-        if any(_falls(numbers, pairs) is False for pairs in _beside_others(numbers, translation, i, t, y)):
+        more = itertools.chain(
+            _beside_others(numbers, translation, i, t, y), _at_times(numbers, translation, i, times, t, y)
+        )
+        if any(_falls(numbers, pairs) is False for pairs in more):
             corners.discard(i)
     return corners
 
@@ -138,4 +147,48 @@ def _beside_others(
                     yield [
                         [(when, translation.extended(when, place + d * across * spread)) for d in (-q, q)]
                         for q in (1e-2 * ASIDE, 1e-4 * ASIDE)
+                    ]
+
+
+def _between_instants(numbers: Numbers, translation: Translation, t: Array, y: Array) -> Array:
+    """Times, one between each two instants at which surfaces of time alone are passed; empty without such."""
+    grid = np.linspace(t[0], t[-1], GRID)
+    spread, instants = spread_of(y), [grid[0], grid[-1]]
+    with np.errstate(all="ignore"), suppress(*OUTSIDE):
+        ends = [
+            np.array([numbers.h(float(q), translation.extended(float(q), where)) for q in grid])
+            for where in (y[:, 0], y[:, -1] + 0.37 * spread)
+        ]
+        for one, other in zip(ends[0].T, ends[1].T, strict=True):
+            if np.array_equal(one, other):
+                turned = np.flatnonzero(np.diff(np.sign(one)))
+                instants += [float(grid[k]) for k in turned] + [float(grid[k + 1]) for k in turned]
+    if len(instants) == 2:
+        return np.zeros(0)
+    found = np.unique(instants)
+    middles = 0.5 * (found[1:] + found[:-1])
+    return np.asarray(middles[np.unique(np.linspace(0, len(middles) - 1, MOST_TIMES).astype(int))])
+
+
+def _at_times(
+    numbers: Numbers, translation: Translation, i: int, times: Array, t: Array, y: Array
+) -> Iterator[_Pairs]:
+    """Two pairs of places across the i-th surface at each of some times."""
+    rng, spread = np.random.default_rng(i + 3), spread_of(y)
+    steps = np.linspace(-2.0, 2.0, 24)
+    for when in times.tolist():
+        start = np.array([np.interp(when, t, row) for row in y])
+        for _ in range(TURNS):
+            turn = rng.normal(size=len(y)) * spread
+
+            def height(s: float, when: float = when, start: Array = start, turn: Array = turn) -> float:
+                return float(numbers.h(when, translation.extended(when, start + s * turn))[i])
+
+            with np.errstate(all="ignore"), suppress(*OUTSIDE):
+                heights = [height(float(s)) for s in steps]
+                for k in [k for k, (a, b) in enumerate(itertools.pairwise(heights)) if a * b < 0][:1]:
+                    root = float(brentq(height, steps[k], steps[k + 1]))
+                    yield [
+                        [(when, translation.extended(when, start + (root + d) * turn)) for d in (-q, q)]
+                        for q in (100 * BESIDE, BESIDE)
                     ]
