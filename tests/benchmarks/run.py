@@ -178,9 +178,8 @@ def response(rounds: int) -> None:
         for _ in range(rounds):
             own += times_of(partial(lambda method, rtol: ours(method, rtol).y, method, rtol), 15)
             scipy += times_of(lambda: peers.scipy_response(100.0, 1e-10), 3)
-        print(
-            f"response, 100 s: filippov, {method}, {min(own) * 1e3:.2f} ms at rtol {rtol:g}, error {error:.1e}"
-        )
+        least = min(own) * 1e3
+        print(f"response, 100 s: filippov, {method}, {least:.2f} ms at rtol {rtol:g}, error {error:.1e}")
         row("  scipy solve_ivp(DOP853), phase by phase, rtol 1e-10", own, scipy, theirs)
 
 
