@@ -30,7 +30,8 @@ EPS = float(np.finfo(float).eps)
 # is finer than rounding of the start follows rounding, back to the section at once.
 ROUGH, STEPS, LITTLE = 1e-4, 20_000, 1e-3
 LEVELS = (1e-6, 1e-10, 1e-14, 1e-18, 1e-22, 1e-26)
-# A solution that does not come back may grow without bound: its sizes are those up to so many times these.
+# A solution that does not come back may grow without bound: its sizes are those up to this many times the
+# start.
 GROWN = 10.0
 # The absolute tolerance of a state in units of rtol times its size.
 SHARE = 3e-2
