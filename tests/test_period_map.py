@@ -13,7 +13,7 @@ from filippov import Problem, Surface, System, TimeEvent, UsageError, cos, exp, 
 from filippov.analysis import Section, Stroboscope, brute_force, period_map
 from filippov.app import Explorer
 from filippov.app.cli.main import main
-from filippov.app.cli.sections.along import where_read
+from filippov.plot.style import where_read
 
 X, V = states("x v")
 P = parameters(F=1.0, w=1.4, c=0.05, mu=0.3)

@@ -96,6 +96,7 @@ class Branch(Shown, Answering):
     parameter  what is varied; parameters: the other values; kind: "map", "orbit", "equilibrium", "function"
     message    how it ended, at each end that was reached
     state      what a continuation needs to go on: direction done, next step
+    labels     of the parameter and the coordinates with units, for figures
     """
 
     parameter: str
@@ -104,6 +105,7 @@ class Branch(Shown, Answering):
     points: list[BranchPoint] = field(default_factory=list)
     message: str = ""
     state: dict[str, Any] = field(default_factory=dict)
+    labels: dict[str, str] = field(default_factory=dict)
 
     @property
     def values(self) -> Array:
@@ -162,6 +164,7 @@ class Branch(Shown, Answering):
         data = {
             "format": FORMAT, "version": VERSION, "parameter": self.parameter, "kind": self.kind,
             "parameters": self.parameters, "message": self.message, "state": self.state,
+            "labels": self.labels,
             "points": [_out(point) for point in self.points],
         }  # fmt: skip
         return write_json(path, data)
@@ -176,7 +179,7 @@ class Branch(Shown, Answering):
             others = {str(k): float(v) for k, v in data["parameters"].items()}
             return cls(
                 str(data["parameter"]), str(data["kind"]), others, points, str(data["message"]),
-                dict(data["state"]),
+                dict(data["state"]), {str(k): str(v) for k, v in data.get("labels", {}).items()},
             )  # fmt: skip
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise UsageError(f"{str(path)!r} holds no branch ({type(error).__name__}: {error}).") from None

@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
+from filippov.analysis.bifurcations.branch_labels import labels_of
 from filippov.analysis.bifurcations.branch_problem import (
     BranchProblem,
     FunctionProblem,
@@ -244,6 +245,7 @@ class Continuation(Shown):
             if way in done:
                 continue
             current = self._begin(way)
+            self.branch.labels = labels_of(self.problem, (self.branch.parameter, *current.point.coordinates))
             if not self._resumed and not self.branch.points:
                 self.branch.points.append(current.point)
                 yield current.point

@@ -25,6 +25,7 @@ from filippov.base.names import unknown
 from filippov.base.shown import Shown
 from filippov.base.status import Status
 from filippov.model.system import System
+from filippov.plot.style import axis_labels
 from filippov.solving.ensemble import solve_many
 from filippov.solving.state.problem import Problem
 from filippov.sweep.plan import Sweep
@@ -45,7 +46,7 @@ class Basin(Shown):
                 largest
     d           coordinate of the first event, NaN without one
     complete    False where the computation was interrupted
-    parameters  values by name
+    parameters  values by name; labels: of the axes, with units
     """
 
     names: tuple[str, str]
@@ -57,6 +58,7 @@ class Basin(Shown):
     d: Array
     complete: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def shares(self) -> dict[str, float]:
@@ -161,7 +163,7 @@ def basin(
     rest_of = {name: others.get(name, 0.0) for name in system.states if name not in (x[0], y[0])}
     return Basin(
         (x[0], y[0]), across, up, rest_of, label.reshape(shape), attractors, d.reshape(shape), complete,
-        system.parameters.others(parameters),
+        system.parameters.others(parameters), axis_labels(system, x[0], y[0]),
     )  # fmt: skip
 
 

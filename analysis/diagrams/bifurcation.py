@@ -19,7 +19,7 @@ from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import continuation
 from filippov.analysis.bifurcations.corrector import FAILURES
 from filippov.analysis.diagrams.cell_work import DiagramWork, fixed_points_of
-from filippov.analysis.diagrams.diagram import Diagram, DiagramBranch, Special
+from filippov.analysis.diagrams.diagram import Diagram, DiagramBranch, Special, diagram_labels
 from filippov.analysis.diagrams.orbit_diagram import orbit_diagram
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
@@ -112,6 +112,7 @@ def bifurcation(
     return Diagram(
         parameter, tuple(ordered), tuple(found), tuple(branches), tuple(special),
         system.parameters.others(parameters, (parameter,)), (float(interval[0]), float(interval[1])), section,
+        diagram_labels(system, section, parameter),
     )  # fmt: skip
 
 

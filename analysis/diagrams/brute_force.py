@@ -21,6 +21,7 @@ from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
 from filippov.model.system import System
+from filippov.plot.style import axis_label, coordinate_labels
 from filippov.solving.solver import solve
 
 Array = npt.NDArray[np.float64]
@@ -42,6 +43,7 @@ class BruteForce(Shown):
     notes    for each value, of a solution without a parametrisation, why it did not return so often; "" where
              it did
     section    where the iterates are read; parameters: the values of all others
+    labels     of the axes, "parameter" and "d"
     """
 
     parameter: str
@@ -52,6 +54,7 @@ class BruteForce(Shown):
     notes: tuple[str, ...] = ()
     section: Section | Stroboscope | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -140,8 +143,18 @@ def brute_force(
                     progress(done, total)
     except KeyboardInterrupt:
         complete = False
+    periods = _periods(d, rtol * _largest(d))
+    return _result(system, section, parameter, grid, d, periods, complete, (), parameters)
+
+
+def _result(
+    system: System, section: Section | Stroboscope, parameter: str, grid: Array, d: Array,
+    periods: npt.NDArray[np.int64], complete: bool, notes: tuple[str, ...],
+    parameters: Mapping[str, float] | None,
+) -> BruteForce:  # fmt: skip
     others = system.parameters.others(parameters, (parameter,))
-    return BruteForce(parameter, grid, d, _periods(d, rtol * _largest(d)), complete, (), section, others)
+    labels = {"parameter": axis_label(system, parameter), "d": coordinate_labels(system, section)["d"]}
+    return BruteForce(parameter, grid, d, periods, complete, notes, section, others, labels)
 
 
 def first_section(
@@ -190,9 +203,8 @@ def _along_solutions(
                 progress(k + 1, grid.size)
     except KeyboardInterrupt:
         complete = False
-    others = system.parameters.others(parameters, (parameter,))
     periods = _periods(d, noise)
-    return BruteForce(parameter, grid, d, periods, complete, tuple(notes), section, others)
+    return _result(system, section, parameter, grid, d, periods, complete, tuple(notes), parameters)
 
 
 def _same_phase(

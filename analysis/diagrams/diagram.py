@@ -14,6 +14,8 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope
 from filippov.base.errors import UsageError
 from filippov.base.shown import Shown
+from filippov.model.system import System
+from filippov.plot.style import axis_label, coordinate_labels
 
 Array = npt.NDArray[np.float64]
 
@@ -56,6 +58,11 @@ class DiagramBranch:
         return self.points[0].kind
 
 
+def diagram_labels(system: System, section: Section | Stroboscope, parameter: str) -> dict[str, str]:
+    """The labels of a diagram's axes: of the "parameter", and of the coordinate "d"."""
+    return {"parameter": axis_label(system, parameter), "d": coordinate_labels(system, section)["d"]}
+
+
 @dataclass(frozen=True)
 class Diagram(Shown):
     """A bifurcation diagram.
@@ -65,7 +72,7 @@ class Diagram(Shown):
     branches           the same, joined; special: folds and changes of stability
     parameters         the values of all others
     interval           of the coordinate that was searched; None where orbits were followed
-    section            where the coordinates are read
+    section            where the coordinates are read; labels: of the axes, "parameter" and "d"
     """
 
     parameter: str
@@ -76,6 +83,7 @@ class Diagram(Shown):
     parameters: Mapping[str, float] = field(default_factory=dict)
     interval: tuple[float, float] | None = None
     section: Section | Stroboscope | None = None
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, without the branches."""

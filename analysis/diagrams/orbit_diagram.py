@@ -17,7 +17,7 @@ import numpy.typing as npt
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
 from filippov.analysis.bifurcations.switch import SWITCHES, switch
-from filippov.analysis.diagrams.diagram import Diagram, DiagramBranch, Special
+from filippov.analysis.diagrams.diagram import Diagram, DiagramBranch, Special, diagram_labels
 from filippov.analysis.diagrams.orbit_points import largest, read, section_period
 from filippov.analysis.maps.find_section import find_section
 from filippov.analysis.maps.fixed_points import FixedPoint
@@ -149,7 +149,7 @@ def _diagram(
     return OrbitDiagram(
         parameter, tuple(values), tuple(points), tuple(branches), tuple(special),
         {k: v for k, v in runs[0].branch.parameters.items() if k != parameter}, None, section,
-        tuple(messages),
+        diagram_labels(system, section, parameter), tuple(messages),
     )
 
 

@@ -22,6 +22,7 @@ from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
 from filippov.model.system import System
+from filippov.plot.style import axis_labels
 
 Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
@@ -37,7 +38,7 @@ class PeriodMap(Shown):
                 number up to half of `keep` or the solution does not return so often; -1 where not computed
     d           the last coordinate on the section, NaN where there is none
     notes       why the solution did not return so often, "" where it did; rows of the cells
-    section     where the coordinate is read; parameters: the values of all others
+    section     where the coordinate is read; parameters: the values of all others; labels: of the axes
     complete    False where the computation was interrupted
     """
 
@@ -50,6 +51,7 @@ class PeriodMap(Shown):
     section: Section | Stroboscope
     complete: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -126,4 +128,5 @@ def period_map(
         d[i] = row.d[:, -1]
         if progress is not None:
             progress(i + 1, up.size)
-    return PeriodMap((x[0], y[0]), across, up, period, d, tuple(notes), chosen, complete, others)
+    named = axis_labels(system, x[0], y[0])
+    return PeriodMap((x[0], y[0]), across, up, period, d, tuple(notes), chosen, complete, others, named)

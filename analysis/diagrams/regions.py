@@ -27,6 +27,7 @@ from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
 from filippov.model.system import System
+from filippov.plot.style import axis_labels
 from filippov.sweep.rows import ERROR
 from filippov.sweep.run import run
 
@@ -51,7 +52,7 @@ class Regions(Shown):
     lost           share of the coordinates whose solution does not return within t_max
     borders        (name, points (k, 2)) of curves that bound the regions
     complete       False where the computation was interrupted
-    parameters     the values of all others
+    parameters     the values of all others; labels: of the axes, with units
     """
 
     names: tuple[str, str]
@@ -66,6 +67,7 @@ class Regions(Shown):
     borders: tuple[tuple[str, Array], ...] = ()
     complete: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def set_stable(self) -> npt.NDArray[np.bool_]:
@@ -151,7 +153,7 @@ def regions(
             return tuple(borders)
         return exact_borders(system, section, x, y, amplitude, hi, parameters=parameters, order=order)
 
-    shape = (up.size, across.size)
+    shape, named = (up.size, across.size), axis_labels(system, x[0], y[0])
     if engine is not None:
         pairs = np.column_stack([axis.ravel() for axis in np.meshgrid(across, up)])
         units = {name: system.parameters[name].unit for name in (x[0], y[0])}
@@ -165,7 +167,7 @@ def regions(
         count = [np.where(np.isnan(part), -1, part).astype(np.int64) for part in found[:4]]
         return Regions(
             (x[0], y[0]), across, up, count[0], count[1], count[2], _VERDICTS[count[3]], found[4], found[5],
-            curves(found[4]) if table.complete else (), table.complete, others,
+            curves(found[4]) if table.complete else (), table.complete, others, named,
         )  # fmt: skip
     cycles, stable, undecided, beside = (np.full(shape, -1) for _ in range(4))
     amplitude, lost = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -188,5 +190,5 @@ def regions(
         complete = False
     return Regions(
         (x[0], y[0]), across, up, cycles, stable, undecided, _VERDICTS[beside], amplitude, lost,
-        curves(amplitude) if complete else (), complete, others,
+        curves(amplitude) if complete else (), complete, others, named,
     )  # fmt: skip

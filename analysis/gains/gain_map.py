@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from filippov.base.errors import UsageError
 from filippov.base.given import Axis, Count, Interval
 from filippov.base.keywords import keywords
 from filippov.model.system import System
+from filippov.plot.style import axis_labels
 
 Array = npt.NDArray[np.float64]
 
@@ -22,7 +23,8 @@ Array = npt.NDArray[np.float64]
 class GainMap:
     """rho on a grid: names of the two gains, their values, ratio of shape (len(y), len(x)).
 
-    The value is inf where a solution does not return; rows omitted after an interrupt are NaN.
+    The value is inf where a solution does not return; rows omitted after an interrupt are NaN. labels: of the
+    axes, with units.
     """
 
     names: tuple[str, str]
@@ -30,6 +32,7 @@ class GainMap:
     y: Array
     ratio: Array
     complete: bool = True
+    labels: Mapping[str, str] = field(default_factory=dict)
 
 
 @keywords()
@@ -68,4 +71,4 @@ def gain_map(
                 progress(row + 1, up.size)
     except KeyboardInterrupt:
         complete = False
-    return GainMap((x[0], y[0]), across, up, ratio, complete)
+    return GainMap((x[0], y[0]), across, up, ratio, complete, axis_labels(system, x[0], y[0]))

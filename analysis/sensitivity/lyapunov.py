@@ -21,6 +21,7 @@ from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.shown import Shown
 from filippov.model.system import System
+from filippov.plot.style import time_unit
 from filippov.solving.solver import solve
 from filippov.solving.state.options import Options, check_state
 
@@ -39,7 +40,7 @@ class Lyapunov(Shown):
     t, running times and the exponents estimated up to them, (r,), (r, k): whether they have settled
     skipped    intervals left out because the solution grazes a surface in them
     message    how the run ended, "" for as planned
-    parameters values by name
+    parameters values by name; labels: of the axes, "t" and "exponents"
     """
 
     exponents: Array
@@ -49,6 +50,7 @@ class Lyapunov(Shown):
     skipped: int
     message: str
     parameters: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, without the estimates on the way; t: from when to when they are taken."""
@@ -140,9 +142,11 @@ def lyapunov(
     table, times = np.array(logs[first:]), times[first:]
     spans = np.diff(times)
     running = np.cumsum(table, axis=0) / np.cumsum(spans)[:, None]
+    named = {"t": f"time that the estimate rests on{time_unit(system)}",
+             "exponents": f"Lyapunov exponents{time_unit(system, '1/')}"}  # fmt: skip
     return Lyapunov(
         running[-1], _scatter(table, spans), np.array(times), running, skipped, message,
-        system.parameters.others(parameters),
+        system.parameters.others(parameters), named,
     )  # fmt: skip
 
 

@@ -86,6 +86,7 @@ def _single(
         "Interval": lambda value: given.interval(name, value, error),
         "Values": lambda value: given.values(name, value, error),
         "Axis": lambda value: given.axis(name, value, error),
+        "Figure": lambda value: _figure(name, value, error),
         "bool": lambda value: given.flag(name, value, error),
         "str": lambda value: given.text(name, value, error),
         "Sequence[str]": lambda value: given.names(name, value, error),
@@ -133,6 +134,15 @@ def _parts(annotation: str) -> list[str]:
 def _of(name: str, value: Any, kind: type, expected: str, error: type[Exception]) -> Any:
     if isinstance(value, kind):
         return value
+    raise error(f"{name} is {shown(value)} ({type(value).__name__}), expected {expected}.")
+
+
+def _figure(name: str, value: Any, error: type[Exception]) -> Any:
+    """A figure of matplotlib, or a part of one: told by what is drawn into, without loading matplotlib."""
+    if not isinstance(value, type) and hasattr(value, "add_gridspec"):
+        return value
+    axes = ": axes are made in it, give that of yours without axes" if hasattr(value, "get_figure") else ""
+    expected = f"a Figure or SubFigure of matplotlib{axes or ', plt.figure()'}"
     raise error(f"{name} is {shown(value)} ({type(value).__name__}), expected {expected}.")
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.keywords import keywords
+from filippov.plot.results import result_of
 from filippov.plot.style import (
     BLUE,
     GREEN,
@@ -32,7 +33,7 @@ OTHERS = {
 }  # fmt: skip
 
 
-@keywords()
+@keywords(first=result_of("attractors", "attractors", "states", "picture"))
 def plot_attractors(result: Any, *, title: str = "", figure: Figure | None = None) -> Figure:
     """Colour of the attractor for every initial state of the plane, and the attractors in it.
 

@@ -11,6 +11,7 @@ from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.plot.place import label_beside
+from filippov.plot.results import result_of
 from filippov.plot.style import GREEN, INK, ORANGE, PURPLE, RED, SERIES, SKY, new_figure, style
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ _MEETINGS = (
 )  # fmt: skip
 
 
-@keywords()
+@keywords(first=result_of("continuation", "parameter", "points", several=True))
 def plot_branches(
     branches: Sequence[Any],
     *,
@@ -45,7 +46,8 @@ def plot_branches(
     branches    objects with parameter, points (each with value, coordinates, stable, special)
     coordinate  what is drawn; default the first coordinate of the first branch
     names       one for each branch, for the legend
-    labels      {"parameter": "gain P [N/m]", "coordinate": "stick position [m]"}
+    labels      {"parameter": "gain P [N/m]", "coordinate": "stick position [m]"}; default: those of the
+                system
     """
     filled = [branch for branch in branches if branch.points]
     if not filled:
@@ -54,7 +56,9 @@ def plot_branches(
         raise UsageError(f"names has {len(names)} entries for {len(branches)} branches.")
     check_known("label", labels or {}, ("parameter", "coordinate"), UsageError)
     wanted = coordinate or next(iter(filled[0].points[0].coordinates))
-    text = {"parameter": filled[0].parameter, "coordinate": wanted} | dict(labels or {})
+    own = getattr(filled[0], "labels", {})
+    named_axes = {"parameter": filled[0].parameter, "coordinate": wanted}
+    text = {place: own.get(name, name) for place, name in named_axes.items()} | dict(labels or {})
     seen: set[str] = set()
     named: list[tuple[float, float, str, str]] = []
     with style():

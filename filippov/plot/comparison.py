@@ -15,6 +15,7 @@ import numpy as np
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known
+from filippov.plot.results import result_of
 from filippov.plot.style import GREY, INK, SERIES, new_figure, style
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ _MARKS = "osD^v<>P"
 _PANELS = (("error_R", "error of R(d)"), ("drift", "drift during stick"), ("field_calls", "field calls"))
 
 
-@keywords()
+@keywords(first=result_of("compare", "trends", "rows", "coordinate"))
 def plot_comparison(
     comparison: Any, *, labels: Mapping[str, str] | None = None, title: str = "", figure: Figure | None = None
 ) -> Figure:

@@ -9,13 +9,14 @@ from filippov.base.errors import UsageError
 from filippov.base.escape import figure_text
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known
+from filippov.plot.results import result_of
 from filippov.plot.style import BLUE, GREY, INK, PALE, RED, column, new_figure, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@keywords()
+@keywords(first=result_of("describing_function", "amplitude", "growth", "frequency"))
 def plot_describing_function(
     prediction: Any,
     *,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.keywords import keywords
+from filippov.plot.results import result_of
 from filippov.plot.style import BLUE, GREY, PALE, RED, column, new_figure, style
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 MOST_STATES = 4
 
 
-@keywords()
+@keywords(first=result_of("diagnose", "run", "solution", "findings"))
 def plot_diagnosis(diagnosis: Any, *, title: str = "", figure: Figure | None = None) -> Figure:
     """The first states over time, the solution of the inclusion behind scipy's steps; below, calls of f.
 

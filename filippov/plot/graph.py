@@ -17,6 +17,7 @@ from filippov.base.escape import figure_text
 from filippov.base.keywords import keywords
 from filippov.base.status import EventKind
 from filippov.graphs.graph_io import node_label
+from filippov.plot.results import result_of
 from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, RED, new_figure, style
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ MOST_GUARDS = 24
 MARGIN = 0.95
 
 
-@keywords()
+@keywords(first=result_of("possible_graph", "nodes", "adjacency", Solution="observed_graph(solution)"))
 def plot_graph(
     graph: nx.MultiDiGraph,
     *,

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.keywords import keywords
+from filippov.plot.results import result_of
 from filippov.plot.style import BLUE, GREY, INK, PALE, RED, new_figure, style
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ DRAWS, SEED = 200, 20
 Force = Callable[[Array, dict[str, float]], Array]
 
 
-@keywords()
+@keywords(first=result_of("identify", "values", "errors", "covariance"))
 def plot_identification(
     result: Any,
     force: Force,

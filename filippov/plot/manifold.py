@@ -10,12 +10,14 @@ import numpy as np
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
+from filippov.plot.results import result_of
 from filippov.plot.style import BLUE, INK, RED, axis_label, new_figure, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLORS = {"unstable": RED, "stable": BLUE}
+_manifold = result_of("manifold", "system", "side", "branches", "x")
 
 
 @keywords()
@@ -30,6 +32,8 @@ def plot_manifold(
     Raises UsageError.
     """
     several = list(results) if isinstance(results, list | tuple) else [results]
+    for one in several:
+        _manifold("plot_manifold", one)
     if not several:
         raise UsageError("there is no manifold to be drawn; give at least one.")
     system = several[0].system

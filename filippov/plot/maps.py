@@ -16,7 +16,20 @@ from filippov.base.errors import UsageError
 from filippov.base.given import Count
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known
-from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, RED, new_figure, style
+from filippov.plot.results import result_of
+from filippov.plot.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PALE,
+    PURPLE,
+    RED,
+    coordinate_labels,
+    new_figure,
+    style,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,7 +40,7 @@ SMALL = 0.025
 _BOUNDS = (RED, PURPLE, ORANGE, GREEN)
 
 
-@keywords()
+@keywords(first=result_of("EventMap", "__call__"))
 def plot_event_map(
     event_map: Any,
     lo: float,
@@ -47,11 +60,12 @@ def plot_event_map(
     samples    (d, R(d)) where they are known already
     fixed      objects with d, kind and stable
     orbit      successive d of a solution
-    labels     {"d": "x at the stick [m]", "image": "next x", "map": "R(d)", its name in the legend}
+    labels     {"d": "x at the stick [m]", "image": "next x", "map": "R(d)", its name in the legend}; default:
+               those of the system
 
     The line is broken where the map has no value, and where it jumps. Raises UsageError.
     """
-    text = _labels(labels, {"d": "d", "image": "R(d)", "map": "R(d)"})
+    text = _labels(labels, _named(event_map))
     d, image = _sampled(event_map, lo, hi, points, samples)
     with style():
         drawn = figure if figure is not None else new_figure(4.8, 4.4)
@@ -96,7 +110,7 @@ def plot_returns(
     return drawn
 
 
-@keywords()
+@keywords(first=result_of("EventMap", "__call__", "iterate"))
 def plot_iterates(
     event_map: Any,
     start: float,
@@ -114,7 +128,7 @@ def plot_iterates(
 
     event_map  as in `plot_event_map`, with iterate(d, n)
     """
-    text = _labels(labels, {"d": "d", "image": "R(d)", "map": "R(d)"})
+    text = _labels(labels, _named(event_map))
     orbit = np.asarray(event_map.iterate(start, n), dtype=float)
     known = orbit[np.isfinite(orbit)]
     margin = 0.08 * (float(np.ptp(known)) or abs(start) or 1.0)
@@ -135,7 +149,7 @@ def plot_iterates(
     return drawn
 
 
-@keywords()
+@keywords(first=result_of("bifurcation", "parameter", "values", "points", "folds"))
 def plot_diagram(
     diagram: Any,
     *,
@@ -151,10 +165,11 @@ def plot_diagram(
              stability_changes [value]; branches are drawn as lines and period doublings among its `special`
              as crosses, where it has them
     bounds   values of the parameter to draw as vertical lines, by what they are: {"Routh-Hurwitz": 29}
-    labels   {"parameter": "P", "d": "x at the stick [m]"}
+    labels   {"parameter": "P", "d": "x at the stick [m]"}; default: those of the system
     inset    magnify, in the upper right, cycles that the scale of the others puts onto d = 0
     """
-    text = _labels(labels, {"parameter": str(diagram.parameter), "d": "fixed points d"})
+    told = dict(getattr(diagram, "labels", {}))
+    text = _labels(labels, {"parameter": str(diagram.parameter), "d": "fixed points d", **told})
     with style():
         drawn = figure if figure is not None else new_figure(6.4, 4.0)
         ax = drawn.subplots()
@@ -287,6 +302,13 @@ def _labels(given: Mapping[str, str] | None, known: Mapping[str, str]) -> dict[s
         named["image"] = named.pop("P")
     check_known("label", named, known, UsageError)
     return {**known, **named}
+
+
+def _named(event_map: Any) -> dict[str, str]:
+    """Labels of a map's axes: those of its system where it has one."""
+    section, order = getattr(event_map, "section", None), getattr(event_map, "order", 1)
+    own = coordinate_labels(getattr(event_map, "system", None), section, order) if section is not None else {}
+    return {"d": "d", "image": "R(d)", "map": "R(d)", **own}
 
 
 def _finish(ax: Any, title: str) -> None:

@@ -11,13 +11,14 @@ from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known, unknown
 from filippov.base.status import mode_text
+from filippov.plot.results import result_of
 from filippov.plot.style import BLUE, GREY, INK, MARKS, ORANGE, axis_label, new_figure, panel_label, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@keywords()
+@keywords(first=result_of("find_orbit", "system", "pieces", "period", "word"))
 def plot_orbit(
     orbit: Any,
     *,

@@ -10,6 +10,7 @@ import numpy as np
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known
+from filippov.plot.results import result_of
 from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, RED, SKY, new_figure, style
 
 if TYPE_CHECKING:
@@ -31,14 +32,14 @@ BASINS = (SKY, ORANGE, GREEN, PURPLE, BLUE, RED)
 LINES = (INK, RED, PURPLE, GREEN)
 
 
-@keywords()
+@keywords(first=result_of("regions", "names", "cycles", "set_verdict"))
 def plot_regions(
     result: Any, *, labels: Mapping[str, str] | None = None, title: str = "", figure: Figure | None = None
 ) -> Figure:
     """Number of cycles in every cell by colour, and whether the set of equilibria attracts; borders as lines.
 
     result  what `filippov.analysis.diagrams.regions.regions` returned
-    labels  labels with units, by name of parameter
+    labels  labels with units, by name of parameter; default: those of the system
     """
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
@@ -62,21 +63,21 @@ def plot_regions(
         for k, (name, points) in enumerate(result.borders):
             (line,) = ax.plot(points[:, 0], points[:, 1], color=LINES[k % len(LINES)], label=name)
             handles.append(line)
-        _name_axes(ax, result.names, labels)
+        _name_axes(ax, result, labels)
         ax.set(title=title)
         ax.set(xlim=(result.x.min(), result.x.max()), ylim=(result.y.min(), result.y.max()))
         drawn.legend(handles=handles, loc="outside right upper")
     return drawn
 
 
-@keywords()
+@keywords(first=result_of("period_map", "names", "period"))
 def plot_periods(
     result: Any, *, labels: Mapping[str, str] | None = None, title: str = "", figure: Figure | None = None
 ) -> Figure:
     """The period that the solution settles to in every cell, by colour.
 
     result  what `filippov.analysis.diagrams.period_map.period_map` returned
-    labels  labels with units, by name of parameter
+    labels  labels with units, by name of parameter; default: those of the system
     """
     from matplotlib.patches import Patch
 
@@ -93,7 +94,7 @@ def plot_periods(
             tints[n] = (f"period above {periods[len(BASINS) - 1]}", INK)
         _colour_cells(ax, result, kinds.reshape(result.period.shape), [tints[n][1] for n in found])
         shown = dict.fromkeys(tints[n] for n in found)
-        _name_axes(ax, result.names, labels)
+        _name_axes(ax, result, labels)
         ax.set(title=title)
         drawn.legend(
             handles=[Patch(facecolor=tint, label=name) for name, tint in shown], loc="outside right upper"
@@ -111,10 +112,10 @@ def _colour_cells(ax: Any, result: Any, kinds: Any, colors: Sequence[str]) -> No
     )  # fmt: skip
 
 
-def _name_axes(ax: Any, names: Sequence[str], labels: Mapping[str, str] | None) -> None:
-    check_known("label", labels or {}, names, UsageError)
-    text = {name: name for name in names} | dict(labels or {})
-    ax.set(xlabel=text[names[0]], ylabel=text[names[1]])
+def _name_axes(ax: Any, result: Any, labels: Mapping[str, str] | None) -> None:
+    check_known("label", labels or {}, result.names, UsageError)
+    text = {name: name for name in result.names} | dict(result.labels) | dict(labels or {})
+    ax.set(xlabel=text[result.names[0]], ylabel=text[result.names[1]])
 
 
 def _kinds(result: Any) -> tuple[Any, list[str], list[str], list[str]]:
@@ -143,14 +144,14 @@ def _kinds(result: Any) -> tuple[Any, list[str], list[str], list[str]]:
     return kinds, names, colors, hatches
 
 
-@keywords()
+@keywords(first=result_of("basin", "names", "label", "attractors", "at"))
 def plot_basin(
     result: Any, *, labels: Mapping[str, str] | None = None, title: str = "", figure: Figure | None = None
 ) -> Figure:
     """Colour of the attractor for every initial state of a plane.
 
     result  what `filippov.analysis.diagrams.basin.basin` returned
-    labels  labels with units, by name of state
+    labels  labels with units, by name of state; default: those of the system
     """
     from matplotlib.patches import Patch
 
@@ -172,7 +173,7 @@ def plot_basin(
             colors.append(color)
         _colour_cells(ax, result, kinds, colors)
         held = ", ".join(f"{name} = {value:g}" for name, value in result.at.items())
-        _name_axes(ax, result.names, labels)
+        _name_axes(ax, result, labels)
         ax.set(title=title or held)
         handles = [Patch(color=c, label=n) for c, n in zip(colors, names, strict=True)]
         drawn.legend(handles=handles, loc="outside right upper", title="goes to")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.keywords import keywords
+from filippov.plot.results import result_of
 from filippov.plot.style import GREY, INK, SERIES, axis_label, new_figure, style
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ _MARKS = "osD^v<>P"
 SAMPLES = 1500
 
 
-@keywords()
+@keywords(first=result_of("compare", "exact", "rows", "solutions"))
 def plot_solution_comparison(
     comparison: Any, *, state: Any = 0, title: str = "", quantity: str = "error_state",
     figure: Figure | None = None,

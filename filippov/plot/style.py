@@ -68,6 +68,34 @@ def axis_label(system: Any, name: str) -> str:
     return figure_text(name)
 
 
+def axis_labels(system: Any, *names: str) -> dict[str, str]:
+    """The labels of axes by name, see `axis_label`; none without a system."""
+    return {name: axis_label(system, name) for name in names} if system is not None else {}
+
+
+def coordinate_labels(system: Any, section: Any, order: int = 1) -> dict[str, str]:
+    """Labels of a map's axes: of the coordinate "d", and of its "image" `order` returns later."""
+    if not hasattr(section, "coordinate"):
+        return {}
+    read = axis_label(system, str(section.coordinate))
+    here, later = where_read(section, order)
+    return {"d": f"{read} {here}", "image": f"{read} {later}"}
+
+
+def where_read(section: Any, order: int = 1) -> tuple[str, str]:
+    """Where a coordinate is read and where the one that is set against it, in words: labels of axes."""
+    if hasattr(section, "kind"):
+        return "at the event", f"at event {order} after it"
+    return str(section), f"{order} period{'s' if order > 1 else ''} later"
+
+
+def time_unit(system: Any, power: str = "") -> str:
+    """A system's unit of time in brackets, " [s]", with power="1/" that of a rate, " [1/s]"; else ""."""
+    label = str(system.labels.get("t", "")) if system is not None else ""
+    unit = label[label.rindex("[") + 1 : label.rindex("]")] if "[" in label and "]" in label else ""
+    return f" [{power}{unit}]" if unit else ""
+
+
 def panel_label(label: str) -> str:
     """A label beside a low panel: a long one has its unit on a line of its own."""
     name, bracket, unit = label.rpartition(" [")

@@ -10,6 +10,7 @@ import numpy as np
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known
+from filippov.plot.results import result_of
 from filippov.plot.style import INK, ORANGE, new_figure, style
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ GROWING = "#f3d9c4"
 LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
-@keywords()
+@keywords(first=result_of("gain_map", "names", "ratio", several=True))
 def plot_gain_maps(
     maps: Sequence[Any],
     *,
@@ -32,11 +33,13 @@ def plot_gain_maps(
 
     maps    what `gain_map` returned, one panel each
     tuning  what `tune` returned: its best gains as a star, its margin as a box
-    labels  labels with units, by name of gain
+    labels  labels with units, by name of gain; default: those of the system
     """
     from matplotlib import colormaps
 
-    text = dict(labels or {})
+    if not maps:
+        raise UsageError("there is no map to draw; give at least one, what gain_map(...) returned.")
+    text = {name: label for item in maps for name, label in item.labels.items()} | dict(labels or {})
     check_known("label", text, {name for item in maps for name in item.names}, UsageError)
     with style():
         drawn = figure if figure is not None else new_figure(4.6 * len(maps) + 0.6, 3.9)

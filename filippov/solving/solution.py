@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -108,6 +108,8 @@ class Solution:
     ambiguity   what can follow at the end of a run with status NON_UNIQUE, else None
     accumulations  limits of events that accumulate, in order; `zeno`: the last of them
     """
+
+    _write: ClassVar[str] = ": what solve(system, x0, t_span) returns"
 
     problem: Problem
     options: Options

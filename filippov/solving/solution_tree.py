@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -188,6 +188,8 @@ class SolutionTree(Shown):
     status    SUCCESS; BRANCHES where the tree is cut by max_branches or max_depth; else the status of the
               first branch that ended early. message: a sentence
     """
+
+    _write: ClassVar[str] = ': what solve(..., nonunique="branch") returns'
 
     def __init__(
         self, problem: Problem, branches: tuple[TreeBranch, ...], status: Status, message: str

@@ -9,7 +9,7 @@ import numpy as np
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import loaded_of
-from filippov.app.cli.sections.along import follows_solution, section_along, told, varied
+from filippov.app.cli.sections.along import follows_solution, section_along, varied
 from filippov.app.cli.sections.maps import interval_of, section_of
 from filippov.base.errors import UsageError
 from filippov.plot.lyapunov import plot_brute_force, plot_lyapunov
@@ -71,8 +71,6 @@ def run_diagram(settings: dict[str, Any], console: Console) -> int:
     folder.json("diagram.json", data)
     rows = zip(found.values.tolist(), found.period.tolist(), *found.d.T.tolist(), strict=True)
     folder.csv("diagram.csv", (parameter, "period", *(f"d{k}" for k in range(found.d.shape[1]))), rows)
-    shown = loaded.labels(parameter, section.coordinate)
-    labels = {"parameter": shown[parameter], "d": f"{shown[section.coordinate]}, {told(section)}"}
-    folder.picture("diagram.png", lambda: plot_brute_force(found, labels=labels, title=loaded.title))
+    folder.picture("diagram.png", lambda: plot_brute_force(found, title=loaded.title))
     folder.report()
     return 0 if found.complete else 130

@@ -56,19 +56,10 @@ def run(settings: dict[str, Any], console: Console) -> int:
             _write(folder, f"{name}-{number}", item)
     from filippov.plot import branch as plots
 
-    coordinate = next(iter(branch.points[0].coordinates), "") if branch.points else ""
-    wanted = section_of(loaded, settings).coordinate if coordinate == "d" else coordinate
-    shown = loaded.labels(parameter, wanted)
-    labels = {"parameter": shown[parameter], "coordinate": shown[wanted]}
-    folder.picture("branch.png", lambda: plots.plot_branches(
-        [branch, *others], title=loaded.title, labels=labels,
-    ))  # fmt: skip
+    folder.picture("branch.png", lambda: plots.plot_branches([branch, *others], title=loaded.title))
     if curves:
-        second = loaded.labels(curves[0].parameter)[curves[0].parameter]
-        along = {"parameter": second, "coordinate": shown[parameter]}
         folder.picture("curves.png", lambda: plots.plot_branches(
-            curves, coordinate=parameter, names=[item.kind for item in curves], labels=along,
-            title=loaded.title,
+            curves, coordinate=parameter, names=[item.kind for item in curves], title=loaded.title,
         ))  # fmt: skip
     folder.report()
     if "interrupted" in branch.message:

@@ -57,7 +57,7 @@ def run_regions(settings: dict[str, Any], console: Console) -> int:
     )]  # fmt: skip
     folder.csv("regions.csv", columns, zip(*cells, strict=True))
     folder.picture("regions.png", lambda: plot_regions(
-        result, labels=loaded.labels(*result.names), title=loaded.title,
+        result, title=loaded.title,
     ))  # fmt: skip
     folder.report()
     return 0 if result.complete else 130
@@ -101,7 +101,7 @@ def _run_periods(
     notes = [note for row in result.notes for note in row]
     folder.csv("regions.csv", (x[0], y[0], "period", "d", "note"), zip(*cells, notes, strict=True))
     folder.picture("regions.png", lambda: plot_periods(
-        result, labels=loaded.labels(*result.names), title=loaded.title,
+        result, title=loaded.title,
     ))  # fmt: skip
     folder.report()
     return 0 if result.complete else 130
@@ -129,6 +129,6 @@ def run_basin(settings: dict[str, Any], console: Console) -> int:
     folder.json("basin.json", data)
     arrays = {"x": result.x, "y": result.y, "label": result.label, "d": result.d}
     folder.content("basin.npz", lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
-    folder.picture("basin.png", lambda: plot_basin(result, labels=loaded.labels(*result.names)))
+    folder.picture("basin.png", lambda: plot_basin(result))
     folder.report()
     return 0 if result.complete else 130

@@ -99,7 +99,6 @@ def run(settings: dict[str, Any], console: Console) -> int:
                 progress(k + 1, len(pairs))
         folder.picture("tuning.png", lambda: plot_gain_maps(
             maps, tuning=result, title=loaded.title,
-            labels=loaded.labels(*(name for item in maps for name in item.names)),
         ))  # fmt: skip
     folder.report()
     return 0 if result.complete else 130

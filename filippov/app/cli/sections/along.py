@@ -138,13 +138,6 @@ def told(section: Any) -> str:
     return f"{section.kind} on '{section.surface}'" if hasattr(section, "kind") else str(section)
 
 
-def where_read(section: Any, order: int = 1) -> tuple[str, str]:
-    """Where a coordinate is read and where the one that is set against it, in words: labels of axes."""
-    if hasattr(section, "kind"):
-        return "at the event", f"at event {order} after it"
-    return str(section), f"{order} period{'s' if order > 1 else ''} later"
-
-
 def flags(section: Any) -> str:
     """A section as flags of the command line."""
     read = str(section.coordinate)

@@ -10,7 +10,7 @@ import numpy as np
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded, loaded_of
-from filippov.app.cli.sections.along import follows_solution, section_along, suggestion, varied, where_read
+from filippov.app.cli.sections.along import follows_solution, section_along, suggestion, varied
 from filippov.app.cli.sections.return_pairs import run_return_pairs
 from filippov.app.cli.sweep import engine
 from filippov.base.errors import ModelError, UsageError
@@ -108,10 +108,8 @@ def run_event_map(settings: dict[str, Any], console: Console) -> int:
     folder.csv("map.csv", ("d", "R", "status"), zip(d[:done].tolist(), image.tolist(), status, strict=False))
     folder.json("fixed_points.json", data)
     if code == 0:
-        name = loaded.labels(section.coordinate)[section.coordinate]
         folder.picture("map.png", lambda: plot_event_map(
             event_map, lo, hi, samples=(d, image), fixed=points, orbit=orbit, title=loaded.title,
-            labels={"d": f"{name} at the event", "image": f"{name} at event {settings['order']} after it"},
         ))  # fmt: skip
     folder.report()
     return code
@@ -147,10 +145,7 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
         "bifurcation.csv", (parameter, *POINT_COLUMNS), ([float(v), *_row(p)] for v, p in rows)
     )
     folder.json("bifurcation.json", data)
-    shown = loaded.labels(parameter, section.coordinate)
-    here, _ = where_read(section)
-    labels = {"parameter": shown[parameter], "d": f"{shown[section.coordinate]} {here}"}
-    folder.picture("bifurcation.png", lambda: plot_diagram(diagram, title=loaded.title, labels=labels))
+    folder.picture("bifurcation.png", lambda: plot_diagram(diagram, title=loaded.title))
     folder.report()
     return 0
 

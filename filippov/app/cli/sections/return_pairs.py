@@ -7,9 +7,10 @@ from typing import Any
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded
-from filippov.app.cli.sections.along import section_along, where_read
+from filippov.app.cli.sections.along import section_along
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.plot.maps import plot_returns
+from filippov.plot.style import coordinate_labels
 
 COLUMNS = ("t", "d", "R")
 
@@ -54,9 +55,7 @@ def run_return_pairs(loaded: Loaded, settings: dict[str, Any], console: Console)
     folder.csv("map.csv", COLUMNS, rows)
     folder.json("fixed_points.json", data)
     if d.size:
-        name = loaded.labels(str(section.coordinate)).get(str(section.coordinate), str(section.coordinate))
-        here, later = where_read(section, order)
-        labels = {"d": f"{name} {here}", "image": f"{name} {later}"}
+        labels = coordinate_labels(loaded.system, section, order)
         folder.picture("map.png", lambda: plot_returns(d, image, fixed=points, labels=labels,
                                                        title=loaded.title))  # fmt: skip
     folder.report()
