@@ -11,7 +11,7 @@ import pytest
 from filippov.base.errors import UsageError
 from filippov.plot.maps import plot_diagram, plot_event_map, plot_iterates
 from filippov.plot.place import label_beside
-from filippov.plot.style import new_figure, style
+from filippov.plot.style import log_ticks, new_figure, panel_label, style
 
 mpl.use("Agg")
 
@@ -134,3 +134,32 @@ def test_16_10_small_cycles_are_magnified_in_an_inset() -> None:
     drawn.draw_without_rendering()
     box = ax.child_axes[0].get_tightbbox()
     assert box.x1 < ax.transData.transform((1.9, 0.0))[0]
+
+
+def test_a_steep_map_has_no_gap_and_a_jump_has_one() -> None:
+    """tanh(2000 (d - 0.3)) rises by 2 within 0.004, a step of 399 points; sign(d - 0.3) jumps there."""
+    for function, gaps in ((lambda d: np.tanh(2000 * (d - 0.3)), 0), (lambda d: np.sign(d - 0.3), 1)):
+        figure = plot_event_map(function, 0.0, 1.0)
+        d, image = line(figure, "R(d)").get_data()
+        assert np.count_nonzero(np.isnan(image)) == gaps
+        here = np.isfinite(image)
+        assert np.max(np.abs(image[here] - function(np.asarray(d)[here]))) < 1e-12
+
+
+def test_log_axes_have_two_numbers() -> None:
+    """From 1,800 to 40,000 there is one power of ten: 2,000, 5,000 and 20,000 are numbered as well."""
+    with style():
+        ax = new_figure(4, 3).subplots()
+        ax.loglog([1800, 40000], [1e-9, 1e-2])
+        log_ticks(ax.xaxis)
+        log_ticks(ax.yaxis)
+        ax.figure.canvas.draw()
+    inside = [t.get_text() for t in ax.get_xticklabels(which="both") if 1800 <= t.get_position()[0] <= 40000]
+    assert sorted(map(float, filter(None, inside))) == [2000, 5000, 10000, 20000]
+    assert not any(tick.get_text() for tick in ax.get_yticklabels(minor=True))
+
+
+def test_long_labels_of_low_panels_have_two_lines() -> None:
+    assert panel_label("integral part of the effort") == "integral part\nof the effort"
+    assert panel_label("position of the slider [m]") == "position of the slider\n[m]"
+    assert panel_label("velocity v [m/s]") == "velocity v [m/s]"

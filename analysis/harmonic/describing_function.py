@@ -22,10 +22,12 @@ from scipy.optimize import brentq
 from filippov.analysis.algebra import linalg
 from filippov.analysis.harmonic.quasi_linear import Array, ComplexArray, Lure, lure, width_unit
 from filippov.base.errors import UsageError
+from filippov.base.escape import figure_text
 from filippov.base.given import Interval
 from filippov.base.keywords import keywords
 from filippov.base.shown import Shown
 from filippov.model.system import System
+from filippov.plot.style import axis_label, time_unit
 
 LEVELS, EDGE = 160, 1e-9
 # Real part of an eigenvalue, in units of its size, that the integrals of harmonics leave of 0.
@@ -66,7 +68,7 @@ class DescribingFunction(Shown):
     gain       N(A) of each equation, shape (n, k)
     neutral    (low, high) of amplitudes at all of which an oscillating eigenvalue lies on the axis to
                rounding: closed orbits beside each other, or none, which harmonic balance does not decide
-    parameters values by name
+    parameters values by name; labels: of the axes, "amplitude", "growth" and "frequency"
     """
 
     states: tuple[str, ...]
@@ -78,6 +80,7 @@ class DescribingFunction(Shown):
     gain: ComplexArray
     neutral: tuple[tuple[float, float], ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def unbalanced(self) -> tuple[tuple[float, float], ...]:
@@ -166,8 +169,17 @@ def describing_function(
     between = tuple((unit * a, unit * b) for a, b in neutral)
     return DescribingFunction(
         system.states, surface, tuple(told), unit * grid, growth, frequency, gain, between,
-        system.parameters.others(parameters),
+        system.parameters.others(parameters), _labels(system, surface),
     )  # fmt: skip
+
+
+def _labels(system: System, surface: str) -> dict[str, str]:
+    """Labels of the axes; the amplitude has the unit of h where h is a state."""
+    h = next((str(item.h) for item in system.surfaces if item.name == surface), "")
+    read = axis_label(system, h) if h in system.states else figure_text(f"the input '{surface}'")
+    rate = time_unit(system, "1/") or " [1/time]"
+    return {"amplitude": f"amplitude of {read}", "growth": f"growth rate{rate}",
+            "frequency": f"frequency{rate.replace('1/', 'rad/')}"}  # fmt: skip
 
 
 def _sides(values: ComplexArray) -> npt.NDArray[np.int64]:

@@ -90,7 +90,7 @@ class Homoclinic(Shown):
         """Phase portrait beside time series (see `filippov.plot.orbits.plot_orbit`)."""
         from filippov.plot.orbits import plot_orbit
 
-        place = ", ".join(f"{round(v, 9):.5g}" for v in self.saddle.x.tolist())
+        place = ", ".join(f"{round(v, 9) + 0.0:.5g}" for v in self.saddle.x.tolist())
         title = f"homoclinic orbit of the saddle ({place}) in mode {mode_text(self.saddle.mode)}\n"
         return plot_orbit(self, **{"title": f"{title}{self.free} = {self.value:.10g}", **options})
 

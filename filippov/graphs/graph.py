@@ -23,6 +23,7 @@ import sympy
 from filippov.base.errors import UsageError
 from filippov.base.given import Count, as_float, several
 from filippov.base.keywords import keywords
+from filippov.base.label import unit_of
 from filippov.base.status import mode_text
 from filippov.graphs.guards import Guards, formula_text
 from filippov.graphs.reset_guards import reset_transitions
@@ -100,7 +101,7 @@ def observed_graph(solution: Solution) -> nx.MultiDiGraph:
     graph.graph |= {
         "t0": float(solution.problem.t_span[0]), "t1": float(solution.t_end),
         "start": mode_text(solution.start_mode), "end": mode_text(solution.end_mode),
-        "status": str(solution.status),
+        "status": str(solution.status), "time_unit": unit_of(str(solution.system.labels.get("t", ""))),
     }  # fmt: skip
     visits: dict[Mode, list[float]] = {}
     whole: dict[Mode, list[float]] = {}

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import UsageError
-from filippov.base.escape import figure_text
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.plot.results import result_of
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@keywords(first=result_of("describing_function", "amplitude", "growth", "frequency"))
+@keywords(first=result_of("describing_function", "amplitude", "growth", "labels"))
 def plot_describing_function(
     prediction: Any,
     *,
@@ -29,13 +28,9 @@ def plot_describing_function(
 
     prediction  what `describing_function` returned
     exact       (amplitude of the input, frequency) of cycles computed exactly, drawn as crosses
-    labels      {"amplitude": "...", "growth": "...", "frequency": "..."}
+    labels      {"amplitude": "...", "growth": "...", "frequency": "..."}; default: those of the system
     """
-    text = {
-        "amplitude": figure_text(f"amplitude of the input '{prediction.surface}'"),
-        "growth": "growth rate [1/s]",
-        "frequency": "frequency [rad/s]",
-    }
+    text = dict(prediction.labels)
     check_known("label", dict(labels or {}), tuple(text), UsageError)
     text |= labels or {}
     with style():

@@ -66,7 +66,7 @@ def plot_graph(
         else:
             left = drawn.subplots()
         _draw(left, graph, places, names or {}, table)
-        _key(left, edges)
+        _key(left, edges, _told(graph))
         if title:
             left.set_title(title, loc="left")
     return drawn
@@ -203,12 +203,21 @@ def _list(ax: Any, edges: list[Any], height: float) -> None:
         ax.text(0.02, y, figure_text(_line(a, b, values)), color=INK, fontsize=8.5, ha="left", va="center")
 
 
-def _key(ax: Any, edges: list[Any]) -> None:
+def _told(graph: nx.MultiDiGraph) -> str:
+    """What the numbers in the modes of an observed graph are."""
+    if not any("visits" in values for _, values in graph.nodes(data=True)):
+        return ""
+    unit = graph.graph.get("time_unit", "")
+    return f"in a mode: times entered × mean duration{f' [{unit}]' if unit else ''}"
+
+
+def _key(ax: Any, edges: list[Any], told: str) -> None:
     from matplotlib.lines import Line2D
 
     kinds = dict.fromkeys(str(values.get("kind", "")) for _, _, values in edges)
     handles = [Line2D([], [], color=_colour({"kind": kind}), label=kind) for kind in kinds if kind]
     if handles:
         ax.legend(
-            handles=handles, loc="lower center", bbox_to_anchor=(0.5, -0.02), ncols=min(len(handles), 3)
-        )
+            handles=handles, loc="lower center", bbox_to_anchor=(0.5, -0.02), ncols=min(len(handles), 3),
+            title=told, title_fontsize=8.5, alignment="center",
+        )  # fmt: skip

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 # Part of the largest fixed point below which a cycle is magnified.
 SMALL = 0.025
+# A step of a map is bisected so often, as long as there are no more of them.
+BISECTIONS, MOST_JUMPS = 8, 40
 _BOUNDS = (RED, PURPLE, ORANGE, GREEN)
 
 
@@ -244,20 +246,36 @@ def _sampled(
     if points < 2:
         raise UsageError(f"points is {points!r}, expected at least 2.")
     d = np.linspace(lo, hi, points) if samples is None else np.asarray(samples[0], dtype=float)
-    image = event_map(d) if samples is None else samples[1]
-    return d, np.asarray(image, dtype=float)
+    image = np.asarray(event_map(d) if samples is None else samples[1], dtype=float)
+    return _bisected(event_map, d, image)
+
+
+def _bisected(event_map: Any, d: Array, image: Array) -> tuple[Array, Array]:
+    """More points where the map seems to jump: across what is steep only, the steps become small."""
+    for _ in range(BISECTIONS):
+        at = _jumps(image)
+        if not 0 < at.size <= MOST_JUMPS:
+            break
+        between = 0.5 * (d[at - 1] + d[at])
+        found = np.asarray(event_map(between), dtype=float)
+        d, image = np.insert(d, at, between), np.insert(image, at, found)
+    return d, image
 
 
 def with_gaps(d: Array, image: Array) -> tuple[Array, Array]:
     """The points of a map as a line with a gap where it jumps: a step far beyond its neighbours."""
-    if d.size <= 4:
-        return d, image
+    at = _jumps(image)
+    return np.insert(d, at, np.nan), np.insert(image, at, np.nan)
+
+
+def _jumps(image: Array) -> npt.NDArray[np.intp]:
+    """The points before which the values step far beyond what they do elsewhere."""
     rise = np.abs(np.diff(image))
     seen = rise[np.isfinite(rise)]
-    height = float(np.ptp(image[np.isfinite(image)])) if seen.size else 0.0
-    limit = max(30 * float(np.median(seen)), 0.04 * height) if seen.size else np.inf
-    at = np.flatnonzero(rise > limit) + 1
-    return np.insert(d, at, np.nan), np.insert(image, at, np.nan)
+    if image.size <= 4 or not seen.size:
+        return np.zeros(0, dtype=np.intp)
+    height = float(np.ptp(image[np.isfinite(image)]))
+    return np.flatnonzero(rise > max(30 * float(np.median(seen)), 0.04 * height)) + 1
 
 
 def _curve(ax: Any, lo: float, hi: float, d: Array, image: Array, name: str) -> None:

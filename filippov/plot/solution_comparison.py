@@ -12,7 +12,7 @@ import numpy as np
 
 from filippov.base.keywords import keywords
 from filippov.plot.results import result_of
-from filippov.plot.style import GREY, INK, SERIES, axis_label, new_figure, style
+from filippov.plot.style import GREY, INK, SERIES, axis_label, log_ticks, new_figure, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,7 +69,7 @@ def plot_solution_comparison(
         right.set(xscale="log", yscale="log", xlabel="field calls", ylabel=what)
         left.invert_xaxis()
         _reference(left, right, comparison.rows[0], quantity)
-        right.xaxis.set_minor_formatter(lambda value, place: "")
+        log_ticks(right.xaxis)
         handles, names = above.get_legend_handles_labels()
         drawn.legend(handles, names, loc="outside right upper")
         if title:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
 from filippov.base.escape import figure_text
+from filippov.base.label import unit_of
 from filippov.base.status import EventKind
 
 if TYPE_CHECKING:
@@ -91,15 +93,35 @@ def where_read(section: Any, order: int = 1) -> tuple[str, str]:
 
 def time_unit(system: Any, power: str = "") -> str:
     """A system's unit of time in brackets, " [s]", with power="1/" that of a rate, " [1/s]"; else ""."""
-    label = str(system.labels.get("t", "")) if system is not None else ""
-    unit = label[label.rindex("[") + 1 : label.rindex("]")] if "[" in label and "]" in label else ""
+    unit = unit_of(str(system.labels.get("t", "")))
     return f" [{power}{unit}]" if unit else ""
 
 
 def panel_label(label: str) -> str:
-    """A label beside a low panel: a long one has its unit on a line of its own."""
+    """A label beside a low panel: a long one has its unit, or its last words, on a line of their own."""
     name, bracket, unit = label.rpartition(" [")
-    return f"{name}\n[{unit}" if bracket and len(label) > LONG else label
+    if bracket and len(label) > LONG:
+        return f"{name}\n[{unit}"
+    if len(label) <= LONG or " " not in label:
+        return label
+    gaps = [place for place, letter in enumerate(label) if letter == " "]
+    middle = min(gaps, key=lambda place: abs(place - len(label) / 2))
+    return f"{label[:middle]}\n{label[middle + 1 :]}"
+
+
+def log_ticks(axis: Any) -> None:
+    """Number 2 and 5 times a power of ten on a logarithmic axis that shows one power only.
+
+    Over less than a decade matplotlib numbers ticks in between by itself.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    low, high = sorted(math.log10(value) for value in axis.get_view_interval())
+    if high - low >= 1.0 and math.floor(high) - math.ceil(low) < 1:
+        plain = FuncFormatter(lambda value, _: f"{value:g}")
+        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        axis.set_minor_formatter(plain)
+        axis.set_major_formatter(plain)
 
 
 def column(figure: Figure, rows: int) -> Sequence[Any]:

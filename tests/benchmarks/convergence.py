@@ -18,7 +18,7 @@ from test_convergence import CASES, LARGEST, LEAST, ORDERS, errors  # noqa: E402
 
 def main(path: Path) -> None:
     """One panel a method: the error at the end of the run over the step, with the fitted order."""
-    figure, panels = plt.subplots(1, len(ORDERS), figsize=(10.5, 4.2), sharey=True, layout="constrained")
+    figure, panels = plt.subplots(1, len(ORDERS), figsize=(10.5, 5.2), sharey=True, layout="constrained")
     for panel, (method, order) in zip(panels, ORDERS.items(), strict=True):
         for name, marker in zip(CASES, "osD^v", strict=False):
             steps, error = errors(method, name)
@@ -29,10 +29,10 @@ def main(path: Path) -> None:
         line = np.array([0.1, 0.5])
         panel.loglog(line, 30 * LEAST * (line / line[0]) ** order, "k--", lw=1, label=f"order {order}")
         panel.set_title(method)
-        panel.set_xlabel("step")
+        panel.set_xlabel("step, in the time of the equations")
         panel.set_ylim(1e-15, 1e-2)
         panel.grid(alpha=0.3)
-        panel.legend(fontsize=8, title="fitted order", loc="upper left")
+        panel.legend(fontsize=8, title="fitted order", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
     panels[0].set_ylabel("error at the end of the run")
     figure.savefig(path, dpi=110)
 

@@ -1,0 +1,104 @@
+"""Units on every axis of the figures of results, without a label given."""
+
+import numpy as np
+import pytest
+
+from filippov import Parameter, Surface, System, analysis, parameters, plot, sign, solve, states
+from filippov.graphs import observed_graph
+from filippov.models import get
+
+HUNTING = get("hunting")
+SYSTEM = HUNTING.build()
+SECTION = analysis.Section.from_model(HUNTING)
+P = ("P", np.array([10.0, 26.0]))
+I = ("I", np.array([8.0, 10.0]))
+
+
+def axes_of(figure):
+    return [(ax.get_xlabel(), ax.get_ylabel()) for ax in figure.axes if ax.get_xlabel()]
+
+
+def regions():
+    return plot.plot_regions(analysis.regions(SYSTEM, SECTION, P, I, (0.0, 0.5), points=8))
+
+
+def gain_map():
+    return plot.plot_gain_maps([analysis.gain_map(SYSTEM, SECTION, P, I, (0.0, 0.5), points=4)])
+
+
+def basin():
+    return plot.plot_basin(
+        analysis.basin(SYSTEM, SECTION, ("x", np.array([0.0, 0.3])), ("v", np.array([0.0, 0.1])), (0.0, 0.5))
+    )
+
+
+def brute_force():
+    found = analysis.brute_force(SYSTEM, SECTION, "P", [10.0, 11.0], 0.1, keep=4, transient=4)
+    return plot.plot_brute_force(found)
+
+
+def diagram():
+    found = analysis.bifurcation(
+        SYSTEM, SECTION, parameter="P", values=[20.0, 22.0], interval=(0.0, 0.5), order=2
+    )
+    return plot.plot_diagram(found)
+
+
+def event_map():
+    return plot.plot_event_map(analysis.EventMap(SYSTEM, SECTION), 0.1, 0.3, points=5)
+
+
+def iterates():
+    return plot.plot_iterates(analysis.EventMap(SYSTEM, SECTION), 0.1, 3, points=5)
+
+
+def branch():
+    run = analysis.continuation(
+        SYSTEM, (analysis.EventMap(SYSTEM, SECTION, order=2), 0.2523), parameter="P", bounds=(9.9, 10.1)
+    )
+    run.run()
+    return run.branch.plot()
+
+
+CASES = {
+    regions: ("P [N/m]", "I [1/s]"), gain_map: ("P [N/m]", "I [1/s]"),
+    basin: ("position [m]", "velocity [m/s]"), branch: ("P [N/m]", "position [m]"),
+    brute_force: ("P [N/m]", "position [m] at the event"), diagram: ("P [N/m]", "position [m] at the event"),
+    event_map: ("position [m] at the event", "position [m] at event 1 after it"),
+    iterates: ("position [m] at the event", "position [m] at event 1 after it"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("draw", CASES, ids=lambda draw: draw.__name__)
+def test_results_have_the_units_of_their_system(draw):
+    assert axes_of(draw())[0] == CASES[draw]
+
+
+def test_labels_of_a_branch_are_kept_in_its_file(tmp_path):
+    x, = states(["x"])
+    p = parameters(r=Parameter(1.0, unit="V"))
+    system = System({x: p.r - x**3}, labels={"x": "current [A]"})
+    run = analysis.continuation(system, (1.0,), parameter="r", bounds=(0.5, 2.0), mode="")
+    run.run()
+    read = analysis.Branch.load(run.branch.save(tmp_path / "branch.json"))
+    assert axes_of(read.plot()) == [("r [V]", "current [A]")]
+
+
+def test_rates_are_per_unit_of_time():
+    y, v = states("y v")
+    damped = {"y": "level [m]", "t": "time [h]"}
+    system = System({y: v, v: -y - v - sign(y + v)}, surfaces=[Surface("relay", y + v)], labels=damped)
+    found = analysis.lyapunov(system, (1.0, 0.0), 2.0, interval=0.5)
+    drawn = axes_of(plot.plot_lyapunov(found))
+    assert drawn == [("time that the estimate rests on [h]", "Lyapunov exponents [1/h]")]
+    predicted = analysis.describing_function(system, "relay")
+    assert predicted.labels["growth"] == "growth rate [1/h]"
+    assert predicted.labels["frequency"] == "frequency [rad/h]"
+    bare = analysis.describing_function(System({y: v, v: -y - v - sign(y)}, surfaces=[Surface("relay", y)]))
+    assert bare.labels["growth"] == "growth rate [1/time]"
+
+
+def test_durations_of_an_observed_graph():
+    figure = plot.plot_graph(observed_graph(solve(SYSTEM, HUNTING.x0, (0, 5))))
+    told = [ax.get_legend().get_title().get_text() for ax in figure.axes if ax.get_legend()]
+    assert told == ["in a mode: times entered × mean duration [s]"]
