@@ -11,9 +11,9 @@ EXAMPLES: dict[str, str] = {
         "results/ensemble"
     ),
     "event-map": "filippov event-map hunting --order 2 --start 0.1 -o results/map",
-    "bifurcation": "filippov bifurcation hunting --parameter P --values 10 31 -o results/bifurcation",
+    "bifurcation": "filippov bifurcation hunting --over P=10:31 -o results/bifurcation",
     "orbit": "filippov orbit belt -o results/orbit",
-    "continue": "filippov continue hunting --parameter P --from 10 --to 31 --start 0.25 -o results/branch",
+    "continue": "filippov continue hunting --over P=10:31 --start 0.25 -o results/branch",
     "stability": "filippov stability hunting -p beta=1 --solve-for P",
     "describing-function": "filippov describing-function relay -o results/prediction",
     "regions": "filippov regions hunting --x P=10:31 --y I=2:20 --borders exact -o results/regions",
@@ -23,7 +23,7 @@ EXAMPLES: dict[str, str] = {
         "results/attractors"
     ),
     "lyapunov": "filippov lyapunov buck_pwm -p Vin=33 --duration 0.1 --interval 4e-4 --transient 0.04",
-    "diagram": "filippov diagram hunting --parameter P --values 10 31 -o results/diagram",
+    "diagram": "filippov diagram hunting --over P=10:31 -o results/diagram",
     "tune": "filippov tune hunting --ranges P=5:60 --ranges I=1:20 -o results/tuning",
     "identify": (
         "filippov identify measured.csv --law stribeck --fixed m=1 --fixed beta=2 -o "

@@ -227,3 +227,21 @@ def test_ctrl_c_keeps_the_part_of_a_map(
     assert "64 of 200 points" in err
     assert strict(out)["complete"] is False
     assert len(table(tmp_path / "map.csv")) == 64
+
+
+def test_continue_takes_its_parameter_as_the_other_commands_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """--over P=10:12 is --parameter P --from 10 --to 12; half of it, or both, is answered."""
+    common = ["continue", "hunting", "--start", "0.25", "--max-points", "4"]
+    one = summary(capsys, *common, "--over", "P=10:12", "-o", str(tmp_path / "one"))
+    apart = ["--parameter", "P", "--from", "10", "--to", "12"]
+    other = summary(capsys, *common, *apart, "-o", str(tmp_path / "two"))
+    assert one == other and one["points"][0]["value"] == 10.0
+    for words, said in (
+        ([], "give --over NAME=LOW:HIGH"), (["--parameter", "P"], "give --over P=LOW:HIGH"),
+        (["--over", "P=10:12", "--to", "12"], "give one or the other"),
+        (["--over", "Q=1:2"], "unknown parameter 'Q'"),
+    ):  # fmt: skip
+        assert main([*common, *words]) == 2
+        assert said in capsys.readouterr().err

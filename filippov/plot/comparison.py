@@ -15,6 +15,7 @@ import numpy as np
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known
+from filippov.plot.place import label_beside
 from filippov.plot.results import result_of
 from filippov.plot.style import GREY, INK, SERIES, new_figure, style
 
@@ -46,16 +47,26 @@ def plot_comparison(
     with style():
         drawn = figure if figure is not None else new_figure(10.5, 4.2)
         axes = drawn.subplots(1, len(_PANELS))
+        beside: list[tuple[Any, list[Any]]] = []
         for ax, (quantity, _) in zip(axes, _PANELS, strict=True):
+            orders: list[tuple[float, float, str, str]] = []
             for label, model in families:
                 own = [q for q in trends if q.label == label]
                 exponent = next((q.order for q in own if q.quantity == quantity), None)
                 look = _look(label, model, families, models)
-                _line(ax, comparison.rows, own[0], quantity, look, exponent, models.index(model))
+                at = _line(ax, comparison.rows, own[0], quantity, look, models.index(model))
+                told = ("" if exponent is None else f"{exponent:.2f}", look["color"])
+                # What lines of one model have in common is said once.
+                if at is not None and exponent is not None and all(told != order[2:] for order in orders):
+                    orders.append((*at, *told))
             _reference(ax, exact, quantity)
+            beside.append((ax, orders))
             ax.set(xscale="log", yscale="log", xlabel=text["width"], ylabel=text[quantity])
             ax.invert_xaxis()
         _legend(drawn, axes, len(families))
+        for ax, orders in beside:
+            for order in orders:
+                label_beside(ax, *order)
         if title:
             drawn.suptitle(title, x=0.01, ha="left", fontsize=10.5)
     return drawn
@@ -71,9 +82,9 @@ def _look(label: str, model: str, families: list[tuple[str, str]], models: list[
 
 
 def _line(
-    ax: Any, rows: Any, trend: Any, quantity: str, look: dict[str, Any], exponent: float | None, place: int
-) -> None:
-    """One family, with the observed order beside it; what is 0 has no place on a log axis."""
+    ax: Any, rows: Any, trend: Any, quantity: str, look: dict[str, Any], place: int
+) -> tuple[float, float] | None:
+    """One family; what is 0 has no place on a log axis. The point beside which its order stands, if any."""
     mine = [
         row
         for row in rows
@@ -84,15 +95,12 @@ def _line(
     points = [(row["width"], row[quantity]) for row in mine if row[quantity]]
     if not points:
         ax.plot([], [], **look)
-        return
+        return None
     ax.plot(*np.array(points, dtype=float).T, **look)
-    first = look["marker"] == _MARKS[0] or quantity == "drift"
-    if exponent is not None and first:
-        at = max(0, len(points) // 2 - place % 2)  # models in turn, not above each other
-        ax.annotate(
-            f"{exponent:.2f}", points[at], xytext=(7, 4), textcoords="offset points", color=look["color"],
-            fontsize=7.5, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4},
-        )  # fmt: skip
+    if look["marker"] != _MARKS[0] and quantity != "drift":
+        return None
+    width, value = points[max(0, len(points) // 2 - place % 2)]  # models in turn, not above each other
+    return width, value
 
 
 def _reference(ax: Any, exact: Any, quantity: str) -> None:
@@ -111,4 +119,5 @@ def _reference(ax: Any, exact: Any, quantity: str) -> None:
 
 def _legend(figure: Any, axes: Any, count: int) -> None:
     handles, names = axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper center", ncols=min(count, 4))
+    figure.legend(handles, names, loc="outside upper center", ncols=min(count, 4),
+                  title="number beside a line: the order of the error in the width")  # fmt: skip

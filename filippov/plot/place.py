@@ -9,6 +9,7 @@ import numpy as np
 # Offsets from the point in points of print, the first that is free is taken; "right" ends the text there.
 _OFFSETS = (
     (7, 4, "left"), (7, -11, "left"), (7, 13, "left"), (-7, 13, "right"), (7, 24, "left"), (0, 30, "center"),
+    (-7, -11, "right"),
 )  # fmt: skip
 _SIZE, _WIDE, _GAP = 8.0, 0.62, 1.5
 

@@ -32,7 +32,8 @@ def main(path: Path) -> None:
         panel.set_xlabel("step, in the time of the equations")
         panel.set_ylim(1e-15, 1e-2)
         panel.grid(alpha=0.3)
-        panel.legend(fontsize=8, title="fitted order", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
+        below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14), "ncols": 2}
+        panel.legend(fontsize=8, title="fitted order", **below)
     panels[0].set_ylabel("error at the end of the run")
     figure.savefig(path, dpi=110)
 

@@ -200,6 +200,9 @@ _ALL = (
         "continue", "follow a cycle or an equilibrium over a parameter: branch.json, .csv, .png",
         "continuation",
         (MODEL, PARAMETERS,
+         Option("over", "parameter that is varied, with its first and last value; as --parameter, --from and "
+                "--to, which lead downwards as well", named_ranges, metavar="NAME=LOW:HIGH", repeat=True,
+                default={}),
          Option("parameter", "parameter that is varied", text, metavar="NAME"),
          Option("from", "its value at the start", number, metavar="VALUE"),
          Option("to", "its last value", number, metavar="VALUE"),

@@ -10,6 +10,7 @@ from typing import Any
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded, load_model
+from filippov.app.cli.sections.along import varied
 from filippov.app.cli.sections.maps import section_of
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.base.names import unknown
@@ -20,14 +21,7 @@ FILE = "branch.json"
 def run(settings: dict[str, Any], console: Console) -> int:
     """Follow the branch; write branch.json, branch.csv and branch.png, also when interrupted."""
     loaded = load_model(settings["model"])
-    parameter = settings["parameter"]
-    if parameter is None:
-        raise UsageError("which parameter? give --parameter NAME --from LO --to HI.")
-    if parameter not in loaded.system.parameters:
-        raise UsageError(unknown("parameter", parameter, loaded.system.parameters))
-    if settings["from"] is None or settings["to"] is None:
-        raise UsageError(f"over which values of {parameter}? give --from LO --to HI.")
-    first, last = settings["from"], settings["to"]
+    parameter, first, last = _varied(loaded, settings)
     bounds = (min(first, last), max(first, last))
     folder = Folder(settings["output"], console)
     from filippov.analysis.bifurcations import branch as branches
@@ -67,6 +61,26 @@ def run(settings: dict[str, Any], console: Console) -> int:
         console.say(f"go on with --resume {where}")
         return 130
     return 0
+
+
+def _varied(loaded: Loaded, settings: dict[str, Any]) -> tuple[str, float, float]:
+    """The parameter of --over NAME=LOW:HIGH, or of --parameter, --from and --to. Raises UsageError."""
+    ends = {name: settings[name] for name in ("parameter", "from", "to") if settings[name] is not None}
+    if not settings["over"]:
+        name = ends.get("parameter")
+        if name is None:
+            raise UsageError(
+                "which parameter? give --over NAME=LOW:HIGH, or --parameter NAME --from LO --to HI."
+            )
+        if name not in loaded.system.parameters:
+            raise UsageError(unknown("parameter", name, loaded.system.parameters))
+        if len(ends) < 3:
+            raise UsageError(
+                f"over which values of {name}? give --over {name}=LOW:HIGH, or --from LO --to HI."
+            )
+    elif ends:
+        raise UsageError("--over says what --parameter, --from and --to say; give one or the other.")
+    return varied(loaded, settings | {"values": (ends["from"], ends["to"]) if ends else None})
 
 
 def _start(

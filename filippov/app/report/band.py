@@ -104,7 +104,7 @@ def approximations(run: StudyRun) -> Chapter:
     facts = {"plants": len({row["plant"] for row in rows}), "orders": sum(bool(row["order"]) for row in rows)}
     cells = [list(row.values()) for row in rows]
     return Chapter(
-        "approximations", "Other plants", [Words("source", source), table],
+        "approximations", "Other plants", [Words("source", f"Source: {source}"), table],
         {**{name: float(value) for name, value in facts.items()}, "slower": float(len(slower))},
         files=[("approximations.csv", tuple(rows[0]), cells)],
     )  # fmt: skip

@@ -117,9 +117,10 @@ def _exactness(run: StudyRun) -> TextTable:
         ("case", f"largest |{run.section.surface}| while sliding", *(f"spread of {n}" for n in names),
          "rests", f"response - iterates [{run.study.unit}]", "mode word"),
         rows,
-        "Twenty points of each sliding segment. Response - iterates: largest distance between the positions "
-        "at the events of the section in the response and the iterates of the event map from the first of "
-        "them; the map starts each return anew from its coordinate alone, so this tests the section as well. "
+        "Twenty points of each sliding segment, in the units of the model. Response - iterates: largest "
+        "distance between the positions at the events of the section in the response and the iterates of the "
+        "event map from the first of them; the map starts each return anew from its coordinate alone, so "
+        "this tests the section as well. "
         "Mode word: the modes that the end of the response repeats.",
         f"`filippov simulate {run.model.name} -p ...`.", "exactness",
     )  # fmt: skip

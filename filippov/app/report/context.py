@@ -11,8 +11,10 @@ from filippov.analysis.maps.section import Section
 from filippov.app.report.aside import Aside
 from filippov.app.report.effort import Effort
 from filippov.base.errors import UsageError
+from filippov.base.label import unit_of
 from filippov.models import registry
 from filippov.models.studies import Study, StudyCase
+from filippov.plot.style import axis_label
 
 Progress = Callable[..., object]
 
@@ -66,6 +68,11 @@ class Context:
                "iterate": f"{self.iterate} [{unit}]", "fixed points": f"fixed points {x} [{unit}]",
                "parameter": self.study.parameter}  # fmt: skip
         return self.study.labels.get(name, default or own.get(name, name))
+
+    def headed(self, name: str, shown: str = "") -> str:
+        """The head of a column: a state, a parameter, or `shown` of it, with its unit."""
+        unit = unit_of(axis_label(self.system, name))
+        return f"{shown or name} [{unit}]" if unit else shown or name
 
     @property
     def iterate(self) -> str:

@@ -53,7 +53,8 @@ def orbits(run: StudyRun) -> Chapter:
     command = f"`filippov orbit {run.model.name} --x0 ...`"
     table = TextTable(
         "The limit cycles",
-        ("case", "stable", "period [s]", *(f"amplitude {name}" for name in states[:2]), "multipliers",
+        ("case", "stable", "period [s]",
+         *(run.headed(name, f"amplitude {name}") for name in states[:2]), "multipliers",
          "mode word", "margins", "speed"),
         tuple(rows),
         "At the parameters of [[table parameters]]. Floquet multipliers without the trivial one; 0 belongs "
@@ -100,12 +101,13 @@ def branches(run: StudyRun) -> Chapter:
         "branches", f"Branches of cycles over {name}",
         [
             Picture("branches", f"Cycles over {name}, followed through the fold", command, draw),
-            TextTable("Where the branches turn and end", ("case", "what", name, f"d [{unit}]"),
+            TextTable("Where the branches turn and end", ("case", "what", run.headed(name), f"d [{unit}]"),
                   tuple(special),
                   "The digits are the fewest over all cycles and special points, rtol 1e-12 against 1e-13.",
                   f"{command}; branches.csv.", "special"),
-            TextTable(f"All cycles: d* [{unit}] over {name}", (name, *(c.label for c in run.cases)),
-                  tuple(rows), "Solved for at each value on the branch.", f"{command}; branches.csv.",
+            TextTable(f"All cycles: d* [{unit}] over {name}",
+                  (run.headed(name), *(c.label for c in run.cases)), tuple(rows),
+                  "Solved for at each value on the branch.", f"{command}; branches.csv.",
                   "branches", long=True),
         ] if shown else [],
         summary={"branches": {
@@ -145,7 +147,7 @@ def fold_curve(run: StudyRun) -> Chapter:
     chosen = sorted({*range(0, count, max(1, count // 12)), least, count - 1})
     (other, *_) = [key for key in points[0].coordinates if key != name]
     table = TextTable(
-        "The fold curve", (second, name, f"{other} at the fold"),
+        "The fold curve", (run.headed(second), run.headed(name), run.headed(other, f"{other} at the fold")),
         tuple((f"{p.value:.8f}", f"{p.coordinates[name]:.8f}", f"{p.coordinates[other]:.8f}")
               for p in (points[k] for k in chosen)),
         f"{count} points; {message}. The limit: the fold's cycle has shrunk into the equilibrium set, which "

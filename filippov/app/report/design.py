@@ -205,7 +205,7 @@ def experiment(run: StudyRun) -> Chapter:
         found, limit, safe = run.aside.value(estimated, 0)
     truth, unit = {key: values[key] for key in found.errors}, run.study.unit
     rows = tuple(
-        (key, number(truth[key], 8), f"{found.values[key]:.7g}", f"{error:.2g}",
+        (run.headed(key), number(truth[key], 8), f"{found.values[key]:.7g}", f"{error:.2g}",
          f"{found.intervals[key][0]:.6g} ... {found.intervals[key][1]:.6g}",
          f"{(found.values[key] - truth[key]) / error:+.2f}")
         for key, error in found.errors.items()
