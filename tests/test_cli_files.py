@@ -237,7 +237,8 @@ def test_continue_takes_its_parameter_as_the_other_commands_do(
     one = summary(capsys, *common, "--over", "P=10:12", "-o", str(tmp_path / "one"))
     apart = ["--parameter", "P", "--from", "10", "--to", "12"]
     other = summary(capsys, *common, *apart, "-o", str(tmp_path / "two"))
-    assert one == other and one["points"][0]["value"] == 10.0
+    assert one == other
+    assert one["points"][0]["value"] == 10.0
     for words, said in (
         ([], "give --over NAME=LOW:HIGH"), (["--parameter", "P"], "give --over P=LOW:HIGH"),
         (["--over", "P=10:12", "--to", "12"], "give one or the other"),
