@@ -215,3 +215,29 @@ def test_labels_and_numbers_do_not_run_into_each_other(name, draw):
         ticks = zip(ax.get_xticks(), ax.get_xticklabels(), strict=False)
         below = [text.get_window_extent() for x, text in ticks if low <= x <= high and text.get_text()]
         assert not any(a.overlaps(b) for a, b in itertools.pairwise(below))
+
+
+def test_modes_of_a_large_graph_do_not_lie_on_each_other() -> None:
+    """Twelve relays side by side: more modes than a figure has room for are told in its title."""
+    names = " ".join(f"x{i}" for i in range(12))
+    x = states(names)
+    many = System({q: -sp.sign(q) for q in x})
+    graph = possible_graph(many, limit=10)
+    assert len(graph) > 81
+    figure = plot_graph(graph)
+    figure.canvas.draw()
+    (ax,) = figure.axes
+    assert ax.get_title(loc="left") == f"81 of {len(graph)} modes"
+    boxes = [text.get_bbox_patch().get_window_extent() for text in ax.texts if text.get_text() in graph]
+    assert len(boxes) == 81
+    assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
+
+
+def test_work_on_a_graph_is_told_and_limited() -> None:
+    q, w = states("q w")
+    relays = System({q: -sp.sign(q), w: -sp.sign(w)})
+    done = []
+    graph = possible_graph(relays, "++", limit=3, progress=lambda k, of: done.append((k, of)))
+    assert [k for k, _ in done] == [1, 2, 3]
+    assert all(k <= of <= 3 for k, of in done)
+    assert graph.graph["complete"] is False

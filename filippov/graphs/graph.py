@@ -12,7 +12,7 @@ types but `conditions`:
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import groupby
 from typing import Any
 
@@ -45,6 +45,7 @@ def possible_graph(
     modes: Iterable[str | Mode] | None = None,
     parameters: Any = None,
     limit: Count = LARGEST,
+    progress: Callable[[int, int], None] | None = None,
 ) -> nx.MultiDiGraph:
     """The transitions that a symbolic system can make, one surface at a time, with their guards as formulas.
 
@@ -53,6 +54,7 @@ def possible_graph(
     modes       only these modes and what leads from one to another
     parameters  values by name to put into the formulas; the others stay symbols
     limit       largest number of modes that are expanded; graph.graph["complete"] tells whether all were
+    progress    called with (modes expanded, modes that are known to be)
 
     Transitions on several surfaces at the same instant are not listed. A guard that cannot hold (a number of
     the wrong sign, r > 0 with r < 0) makes no edge; other guards may exclude each other for reasons that are
@@ -72,6 +74,8 @@ def possible_graph(
     while queue and expanded < limit:
         mode = queue.popleft()
         expanded += 1
+        if progress is not None:
+            progress(expanded, min(limit, expanded + len(queue)))
         graph.nodes[mode_text(mode)]["expanded"] = True
         for item in (*guards.transitions(mode), *reset_transitions(guards, mode)):
             if kept is not None and item.target not in kept:

@@ -63,6 +63,7 @@ def relation_text(relation: Any) -> str:
     return formula_text(relation)
 
 
+@lru_cache(maxsize=20_000)  # neighbouring modes share most of their equations
 def formula_text(f: Any) -> str:
     """An expression as text, without insignificant digits."""
     return str(sympy.sstr(f, full_prec=False))
@@ -109,7 +110,7 @@ class Guards:
             return None
         if len(sliding) > LARGEST_SOLVE or matrix.has(*unknown):
             return dict(self.labels)
-        if matrix.det().equals(0):
+        if _vanishes(matrix.det()):
             return None
         at_zero = equations.xreplace(dict.fromkeys(unknown, sympy.S.Zero))
         solved = matrix.LUsolve(-at_zero)
@@ -185,8 +186,9 @@ class Guards:
         field = [f.xreplace(others) for f in self.vertex(mode)]
         # The guard says d/dt h = 0; used here it leaves the shorter formula.
         h = self.h(mode)[i]
+        inside = h.free_symbols
         for k, x in enumerate(self.form.x):
-            slope = h.diff(x)
+            slope = h.diff(x) if x in inside else sympy.S.Zero
             if slope.is_number and slope.is_nonzero:
                 field[k] = field[k] - rate / slope
                 break
@@ -277,7 +279,7 @@ class Guards:
         matrix = equations.jacobian(unknown)
         if len(rest) > LARGEST_SOLVE or matrix.has(*unknown):
             return self.labels | own
-        if matrix.det().equals(0):
+        if _vanishes(matrix.det()):
             return None
         solved = matrix.LUsolve(-equations.xreplace(dict.fromkeys(unknown, sympy.S.Zero)))
         return own | dict(zip(unknown, solved, strict=True))
@@ -292,9 +294,12 @@ class Guards:
         known: dict[Symbol, Expr] = {}
         for h in zero:
             left = h.xreplace(known)
+            inside = left.free_symbols
             for x in self.form.x:
+                if x not in inside or x in known:
+                    continue
                 slope = left.diff(x)
-                if x not in known and slope.is_number and slope.is_nonzero:
+                if slope.is_number and slope.is_nonzero:
                     value = expanded(x - left / slope)
                     known = {k: v.xreplace({x: value}) for k, v in known.items()} | {x: value}
                     break
@@ -308,6 +313,13 @@ def with_sign(mode: Mode, i: int, sign: int) -> Mode:
 
 def _sign(rate: Expr, up: int) -> Any:
     return sympy.Gt(rate, 0) if up > 0 else sympy.Lt(rate, 0)
+
+
+def _vanishes(f: Expr) -> bool:
+    """Whether f is 0 for all values of its symbols; a product of symbols and numbers is not simplified."""
+    if all(factor.is_Symbol or (factor.is_number and factor.is_nonzero) for factor in sympy.Mul.make_args(f)):
+        return False
+    return bool(f.equals(0))
 
 
 def _same(first: Expr, second: Expr) -> bool:

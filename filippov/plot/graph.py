@@ -27,7 +27,7 @@ Point = npt.NDArray[np.float64]
 _SIGNS = {"-": -1, "0": 0, "+": 1, ".": 0}
 _CUBE = np.array([[2.2, 0.0, 0.8], [0.0, 2.2, 0.62]])
 _COLOURS = {EventKind.CROSSING: BLUE, EventKind.ENTRY: RED, EventKind.EXIT: GREEN, EventKind.GRAZING: PURPLE}
-MOST_GUARDS = 24
+MOST_GUARDS, MOST_MODES, MOST_ROWS = 24, 81, 28
 MARGIN = 0.95
 
 
@@ -46,16 +46,22 @@ def plot_graph(
     names   words shown for modes, by mode text
     guards  list the transitions beside the graph, with guards or counts (left out beyond 24)
 
+    Of more than 81 modes those are drawn whose ways out are known, or that were entered most often.
     With one or two surfaces a mode is placed at its signs on the axes, otherwise networkx lays the graph out,
     without crossings if possible. Raises UsageError for an empty graph, ImportError without matplotlib.
     """
     if not graph:
         raise UsageError("the graph has no modes, nothing can be drawn.")
-    places = places_of(graph)
+    graph, cut = _shown(graph)
+    title = f"{title}{', ' if title else ''}{cut}" if cut else title
+    labels = {mode: _label(mode, values, names or {}) for mode, values in graph.nodes(data=True)}
+    places, most = places_of(graph), 8.0
+    if _overlap(places, labels, _unit(places, most)):
+        places, most = _columns(graph, labels), 14.0
     edges = list(graph.edges(data=True))
     table = guards and 0 < len(edges) <= MOST_GUARDS
     with style():
-        width, height = _extent(places)
+        width, height = _extent(places, most)
         lines = len(edges) if table else 0
         beside = _text_inches(edges) if table else 0.0
         size = (width + beside, max(height + 0.7, 0.26 * lines + 0.5))
@@ -65,19 +71,72 @@ def plot_graph(
             _list(right, edges, size[1])
         else:
             left = drawn.subplots()
-        _draw(left, graph, places, names or {}, table)
+        _draw(left, graph, places, labels, table)
         _key(left, edges, _told(graph))
         if title:
             left.set_title(title, loc="left")
     return drawn
 
 
-def _extent(places: Mapping[str, Point]) -> tuple[float, float]:
-    """Width and height of the graph in inches."""
-    corners = np.array(list(places.values()))
-    span = corners.max(axis=0) - corners.min(axis=0) + 2 * MARGIN
-    unit = min(1.1, 8.0 / float(span.max()))
+def _shown(graph: nx.MultiDiGraph) -> tuple[nx.MultiDiGraph, str]:
+    """The modes that a figure has room for, and how many these are where there are more.
+
+    First those whose ways out are known, in the order in which they were found, or those entered most often.
+    """
+    if len(graph) <= MOST_MODES:
+        return graph, ""
+    rank = {mode: -data.get("visits", data.get("expanded", 0)) for mode, data in graph.nodes(data=True)}
+    drawn = sorted(rank, key=rank.__getitem__)[:MOST_MODES]
+    return graph.subgraph(drawn), f"{MOST_MODES} of {len(graph)} modes"
+
+
+def _extent(places: Mapping[str, Point], most: float) -> tuple[float, float]:
+    """Width and height of the graph in inches, at most `most` each."""
+    span, unit = _span(places), _unit(places, most)
     return float(span[0]) * unit, float(span[1]) * unit
+
+
+def _span(places: Mapping[str, Point]) -> Point:
+    corners = np.array(list(places.values()))
+    return np.asarray(corners.max(axis=0) - corners.min(axis=0) + 2 * MARGIN)
+
+
+def _unit(places: Mapping[str, Point], most: float) -> float:
+    """Inches for a step of 1."""
+    return min(1.1, most / float(_span(places).max()))
+
+
+def _label(mode: str, values: Mapping[str, Any], names: Mapping[str, str]) -> str:
+    return node_label(f"{names[mode]} ({mode})" if mode in names else mode, values)
+
+
+def _inches(label: str) -> Point:
+    """Width and height of a mode with its frame."""
+    lines = label.splitlines()
+    return np.array([0.088 * max(map(len, lines)) + 0.2, 0.19 * len(lines) + 0.17])
+
+
+def _overlap(places: Mapping[str, Point], labels: Mapping[str, str], unit: float) -> bool:
+    """Whether a mode lies on another one."""
+    at = unit * np.array(list(places.values()))
+    half = np.array([_inches(labels[mode]) for mode in places]) / 2
+    apart = np.abs(at[:, None] - at[None]) < half[:, None] + half[None]
+    return int(np.count_nonzero(np.all(apart, axis=2))) > len(places)
+
+
+def _columns(graph: nx.MultiDiGraph, labels: Mapping[str, str]) -> dict[str, Point]:
+    """Modes below each other: on the left those that slide on no surface, then those on one, on two, ..."""
+    widest, highest = np.max([_inches(label) for label in labels.values()], axis=0)
+    out, right = {}, 0.0
+    for count in sorted({mode.count("0") for mode in graph}):
+        group = [mode for mode in graph if mode.count("0") == count]
+        parts = -(-len(group) // MOST_ROWS)
+        for k in range(parts):
+            part = group[k::parts]
+            for row, mode in enumerate(part):
+                out[mode] = np.array([right, ((len(part) - 1) / 2 - row) * (highest + 0.06)])
+            right += widest + 0.9
+    return out
 
 
 def _text_inches(edges: list[Any]) -> float:
@@ -117,11 +176,11 @@ class Node:
 
 
 def _draw(
-    ax: Any, graph: nx.MultiDiGraph, places: Mapping[str, Point], names: Mapping[str, str], table: bool
+    ax: Any, graph: nx.MultiDiGraph, places: Mapping[str, Point], labels: Mapping[str, str], table: bool
 ) -> None:
     nodes = {}
     for mode, values in graph.nodes(data=True):
-        label = node_label(f"{names[mode]} ({mode})" if mode in names else mode, values)
+        label = labels[mode]
         nodes[mode] = Node(places[mode], label)
         sliding = bool(values.get("sliding"))
         ax.text(

@@ -416,6 +416,7 @@ _ALL = (
                  default="possible"),
          Option("recurrent", "only the strongly connected parts without a way out", switch, default=False),
          Option("numbers", "put the parameters' values into the formulas", switch, default=False),
+         Option("limit", "most modes whose ways out are listed (default 81)", whole, metavar="N"),
          *START, *TOLERANCES),
         EXAMPLES["graph"],
     ),

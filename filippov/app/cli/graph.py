@@ -34,7 +34,14 @@ def run(settings: dict[str, Any], console: Console) -> int:
             "Use --kind observed, which follows a solution."
         )
     else:
-        graph = possible_graph(loaded.system, parameters=values if settings["numbers"] else None)
+        chosen = {} if settings["limit"] is None else {"limit": settings["limit"]}
+        with console.progress("modes") as progress:
+            graph = possible_graph(
+                loaded.system, parameters=values if settings["numbers"] else None, progress=progress, **chosen
+            )
+        if not graph.graph["complete"]:
+            known = sum(bool(data.get("expanded")) for _, data in graph.nodes(data=True))
+            console.warn(f"the ways out of {known} of {len(graph)} modes are listed; --limit N lists more")
     if settings["recurrent"]:
         graph = recurrent_part(graph)
     console.result(json.loads(json_text(graph)))
