@@ -335,6 +335,14 @@ def test_16_2_a_film(motion: Solution, tmp_path: Path) -> None:
     path = motion.animate(tmp_path / "film.gif", "x", frames=3, seconds=1)
     with Image.open(path) as film:
         assert film.n_frames == 3
+        dark = []
+        for k in range(3):
+            film.seek(k)
+            dark.append(np.mean(np.array(film.convert("L"))[60:380] < 90, axis=0))  # of each column of pixels
+    bars = [float(np.argmax(one - np.mean(dark, axis=0))) for one in dark]
+    # The present moves evenly from one end of the axis to the other; each place is known to a pixel.
+    assert bars[1] - bars[0] == pytest.approx(bars[2] - bars[1], abs=4.0)
+    assert bars[2] - bars[0] > 300
     assert [file.name for file in tmp_path.iterdir()] == ["film.gif"]
 
 

@@ -17,7 +17,7 @@ from filippov.plot.style import INK, new_figure, style
 from filippov.solving.reading import evaluate
 from filippov.solving.solution import Solution
 
-MOST_FRAMES = 2000
+MOST_FRAMES, DPI = 2000, 100
 
 
 @keywords()
@@ -58,6 +58,7 @@ def animate(
             raise UsageError("a film in .mp4 needs the program ffmpeg, which is not there; write a .gif.")
         wide = len(solution.system.states) > 1
         figure = new_figure(10.0 if wide else 6.5, 4.6)
+        film: Any = None
         try:
             left: Any = figure
             right: Any = None
@@ -66,31 +67,57 @@ def animate(
                 left, right = parts
             plot_solution(solution, states, labels=labels, title=title, figure=left)
             times = np.linspace(solution.problem.t_span[0], solution.t_end, frames)
-            now = [ax.axvline(times[0], color=INK, linewidth=1.2) for ax in left.axes]
-            point = None
             if right is not None:
                 names = solution.system.states[:2]
                 own = {name: text for name, text in (labels or {}).items() if name in names}
                 plot_phase(solution, figure=right, labels=own)
-                ring = {"markersize": 9, "markerfacecolor": "white", "markeredgewidth": 2, "zorder": 6}
-                point = right.axes[0].plot([], [], "o", color=INK, **ring)[0]
-                path_x, path_y = (np.asarray(evaluate(solution, n, times)) for n in names)
-
-            def draw(k: int) -> None:
-                for line in now:
-                    line.set_xdata([times[k], times[k]])
-                if point is not None:
-                    point.set_data([path_x[k]], [path_y[k]])
-
-            # Laid out once: nothing moves but the marks.
-            figure.draw_without_rendering()
-            figure.set_layout_engine("none")
+            # Nothing moves but the marks: the rest is drawn once, and is the ground of every picture.
+            film, (wide_px, high_px) = _still(figure)
+            bars = []
+            for ax in left.axes:
+                ends = [(0.0, y) for y in ax.transAxes.transform([(0, 0), (0, 1)])[:, 1] / high_px]
+                at = ax.transData.transform(np.column_stack([times, np.zeros(frames)]))[:, 0] / wide_px
+                bars.append((_mark(film, *zip(*ends, strict=True), color=INK, linewidth=1.2), at))
+            track: Any = None
+            if right is not None:
+                x, y = (np.asarray(evaluate(solution, n, times)) for n in names)
+                track = right.axes[0].transData.transform(np.column_stack([x, y])) / (wide_px, high_px)
+                ring = {"markersize": 9, "markerfacecolor": "white", "markeredgewidth": 2}
+                point = _mark(film, [0.5], [0.5], color=INK, marker="o", linestyle="none", **ring)
+            known: Any = animation.writers
             rate = max(1, round(frames / seconds))
-            film = animation.FuncAnimation(figure, draw, frames=frames, blit=False)
-            writer = "pillow" if target.suffix.lower() == ".gif" else "ffmpeg"
+            writer = known["pillow" if target.suffix.lower() == ".gif" else "ffmpeg"](fps=rate)
             with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-                film.save(Path(folder) / target.name, writer=writer, fps=rate, dpi=100)
+                with writer.saving(film, str(Path(folder) / target.name), DPI):
+                    for k in range(frames):
+                        for bar, at in bars:
+                            bar.set_xdata([at[k], at[k]])
+                        if track is not None:
+                            point.set_data([track[k, 0]], [track[k, 1]])
+                        writer.grab_frame()
                 (Path(folder) / target.name).replace(target)
         finally:
             plt.close(figure)
     return target
+
+
+def _still(figure: Any) -> tuple[Any, tuple[float, float]]:
+    """A figure that shows the picture of another one, and its size in pixels."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure.set_dpi(DPI)
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()
+    ground = np.asarray(canvas.buffer_rgba())
+    out = Figure(figsize=figure.get_size_inches(), dpi=DPI)
+    FigureCanvasAgg(out)
+    out.figimage(ground, origin="upper")
+    return out, (float(ground.shape[1]), float(ground.shape[0]))
+
+
+def _mark(figure: Any, x: Any, y: Any, **look: Any) -> Any:
+    """A line over the picture, in shares of its width and height."""
+    from matplotlib.lines import Line2D
+
+    return figure.add_artist(Line2D(list(x), list(y), transform=figure.transFigure, **look))
