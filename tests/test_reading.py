@@ -329,6 +329,15 @@ def test_16_2_from_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str
         assert text in capsys.readouterr().err
 
 
+def test_16_2_a_table_of_no_events_has_the_columns_of_one_with_some(motion: Solution) -> None:
+    """Tables of several runs are put below each other, and read back from files that keep the kinds."""
+    pandas = pytest.importorskip("pandas")
+    none, some = motion.events.of("v", "grazing").to_pandas(), motion.events.to_pandas()
+    assert len(none) == 0 < len(some)
+    assert none.dtypes.to_dict() == some.dtypes.to_dict()
+    assert pandas.concat([none, some]).dtypes.to_dict() == some.dtypes.to_dict()
+
+
 def test_16_2_a_film(motion: Solution, tmp_path: Path) -> None:
     from PIL import Image
 

@@ -13,6 +13,11 @@ from filippov.solving.solution import Solution
 from filippov.solving.state.events import Events
 
 
+_KINDS: dict[str, type] = {
+    **dict.fromkeys(("surface", "kind", "before", "after", "note"), str), "direction": int, "group": int,
+}  # fmt: skip
+
+
 def dataset(solution: Solution) -> Any:
     """The states over t; event_surface, event_kind, event_before, event_after and <state>_at_event over
     `event`.
@@ -84,7 +89,8 @@ def event_frame(events: Events) -> Any:
     for i, name in enumerate(states):
         columns[name] = [float(e.x[i]) for e in events]
         columns[f"{name}_after"] = [float(x[i]) for x in after]
-    return pandas.DataFrame(columns)
+    # Without rows pandas takes every column for numbers: the tables of two runs would not fit together.
+    return pandas.DataFrame(columns) if len(events) else pandas.DataFrame(columns).astype(_KINDS)
 
 
 def _pandas() -> Any:
