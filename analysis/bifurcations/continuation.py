@@ -134,7 +134,10 @@ def _problem(
         fine = finer(event_map.remake(parameters={parameter: at}), float(d), 2e-12)
         return MapProblem(fine, parameter, float(d)), at, others
     if mode is None:
-        raise UsageError("the start is a state; an equilibrium needs its mode=, such as '+0'.")
+        raise UsageError(
+            "the start is a state; an equilibrium needs its mode=, such as '+0'. A cycle is found first: "
+            f"continuation(system, find_orbit(system, x0), parameter={parameter!r}, bounds=...)."
+        )
     p = system.parameters.resolve(parameters)
     named = dict(zip(system.parameters.names, p.tolist(), strict=True))
     at = named[parameter] if value is None else float(value)

@@ -108,6 +108,8 @@ def _columns(path: Path) -> dict[str, Array]:
             table.append([_value(cell, path, number, name) for cell, name in cells])
             if len(table) > LARGEST:
                 raise UsageError(f"{path}: more than {LARGEST} rows; give fewer samples.")
+    except FileNotFoundError:
+        raise UsageError(f"there is no file {str(path)!r}.") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise UsageError(f"{path}: cannot be read as CSV ({error}).") from None
     if len(table) < LEAST:

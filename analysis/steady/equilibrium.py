@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import sympy
 from sympy import Expr, Symbol
@@ -32,6 +32,8 @@ class EquilibriumPoint(Shown):
     degenerate   the special parameter values on which the result rests, such as "I = 0"
     behind       stops: surfaces that no solution passes to the side on which it lies
     """
+
+    _write: ClassVar[str] = ", one of equilibria(system)"
 
     mode: str
     states: tuple[str, ...]
@@ -72,6 +74,8 @@ class EquilibriumSet(Shown):
     inside       values of `free` well inside the domain at the parameter values, () where it is an interval
     exact, degenerate, behind   as for a point
     """
+
+    _write: ClassVar[str] = ", one of equilibria(system)"
 
     mode: str
     states: tuple[str, ...]

@@ -108,7 +108,8 @@ def _single(
     kind = _class(part, known)
     if kind is None:
         return None
-    wanted = f"a {kind.__name__}{getattr(kind, '_write', '')}"
+    article = "an" if kind.__name__[0] in "AEIOU" else "a"
+    wanted = f"{article} {kind.__name__}{getattr(kind, '_write', '')}"
     return lambda value: _of(name, value, kind, wanted, error)
 
 
@@ -134,7 +135,9 @@ def _parts(annotation: str) -> list[str]:
 def _of(name: str, value: Any, kind: type, expected: str, error: type[Exception]) -> Any:
     if isinstance(value, kind):
         return value
-    raise error(f"{name} is {shown(value)} ({type(value).__name__}), expected {expected}.")
+    inside = next((one for one in ("system", "section") if isinstance(getattr(value, one, None), kind)), "")
+    cure = f" Give its .{inside}." if inside else ""
+    raise error(f"{name} is {shown(value)} ({type(value).__name__}), expected {expected}.{cure}")
 
 
 def _figure(name: str, value: Any, error: type[Exception]) -> Any:

@@ -226,7 +226,8 @@ def row(
     if array.ndim != 1 or (length is not None and array.size != length):
         count = "numbers in a row" if length is None else f"{length} numbers"
         one = f": {name}=({shown(value)},)" if array.ndim == 0 and length is None else ""
-        raise error(f"{name} is {shown(value)}, expected {count}{one}.")
+        pair = f": {name}=(low, high)" if length == 2 else ""
+        raise error(f"{name} is {shown(value)}, expected {count}{one or pair}.")
     if not np.all(np.isfinite(array)):
         raise error(f"{name} is {shown(value)}, expected finite numbers.")
     return tuple(array.tolist())

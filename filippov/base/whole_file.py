@@ -40,7 +40,10 @@ def write_whole(path: str | Path, content: Content) -> Path:
     try:
         handle = os.open(temporary, _NEW, 0o666)
     except OSError as error:  # told of the path that was given
-        raise OSError(error.errno, f"cannot be written: {error.strerror}", str(path)) from None
+        said = f"cannot be written: {error.strerror}"
+        if isinstance(error, FileNotFoundError):
+            said = f"cannot be written: there is no folder {str(target.parent)!r}; make it first"
+        raise OSError(error.errno, said, str(path)) from None
     try:
         with os.fdopen(handle, "wb") as file:
             _fill(file, content)

@@ -12,7 +12,6 @@ from filippov.base.status import mode_text
 from filippov.solving.solution import Solution
 from filippov.solving.state.events import Events
 
-
 _KINDS: dict[str, type] = {
     **dict.fromkeys(("surface", "kind", "before", "after", "note"), str), "direction": int, "group": int,
 }  # fmt: skip

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 from filippov.base.errors import ModelError
+from filippov.base.given import several
 from filippov.base.keywords import constructor
 from filippov.base.symbolic_value import is_condition, is_expression, single
 from filippov.model.parameter import as_number
@@ -28,6 +29,16 @@ class Role(NamedTuple):
     width: float
     side: str | None
     contact: bool
+
+
+def surfaces_of(given: Any) -> tuple[Any, ...]:
+    """What is given as surfaces=, in order; ModelError for the name of one."""
+    if isinstance(given, str):
+        raise ModelError(
+            f"surfaces is {given!r}, expected a list of Surface. Write surfaces=[Surface({given!r}, h)], "
+            "with the argument of the sign as h; without surfaces= they are found in the equations."
+        )
+    return tuple(several("surfaces", given, ModelError))
 
 
 @constructor(error=ModelError, own=("name",))
@@ -84,9 +95,10 @@ class Surface:
                 "Give the difference of its two sides."
             )
         if not is_expression(self.h) and not callable(self.h):
+            bare = " Write it without quotes." if isinstance(self.h, str) else ""
             raise ModelError(
                 f"{where}: h is {self.h!r} ({type(self.h).__name__}), expected a sympy expression or a "
-                "function h(t, x, p)."
+                f"function h(t, x, p).{bare}"
             )
         given: str | None = self.kind
         if given is None:

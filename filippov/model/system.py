@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from filippov.base.answers import ANSWERS, ELSEWHERE
 from filippov.base.delegates import delegate
 from filippov.base.errors import ModelError
-from filippov.base.given import several
 from filippov.base.keywords import keywords
 from filippov.base.names import closest, no_attribute, state_names
 from filippov.base.signature import check_signature
 from filippov.base.symbolic_value import is_expression, single
 from filippov.model.comparator import Comparator, Exact, PerSurface, by_surface, check_comparator, per_surface
 from filippov.model.parameter import ParameterSet
-from filippov.model.surface import Role, Surface, no_surface
+from filippov.model.surface import Role, Surface, no_surface, surfaces_of
 from filippov.model.time_event import TimeEvent, check_clock_names, read_clocks
 
 if TYPE_CHECKING:
@@ -111,7 +110,7 @@ class System:
                 f"System(field=f, ...): {'neither was' if field is None else 'both were'} given."
             )
         given: Any = surfaces
-        surfaces = (given,) if isinstance(given, Surface) else tuple(several("surfaces", given, ModelError))
+        surfaces = (given,) if isinstance(given, Surface) else surfaces_of(given)
         if equations is not None:
             from filippov.model.assemble import assemble
             from filippov.model.equations import read_equations, read_namespace

@@ -55,7 +55,10 @@ class TimeEvent:
     def __post_init__(self) -> None:
         name: object = self.name
         if not isinstance(name, str) or not name.strip():
-            raise ModelError(f"a time event has the name {name!r}, expected non-empty text.")
+            raise ModelError(
+                f"a time event has the name {name!r}, expected non-empty text. The name goes first: "
+                "TimeEvent('tick', period=0.1) or TimeEvent('kick', times=(1.0,))."
+            )
         where = f"time event {self.name!r}"
         if (self.period is None) == (self.times is None):
             what = "neither" if self.period is None else "both"

@@ -32,6 +32,18 @@ _NEGATIVE = re.compile(r"-[\d.(]")
 # Matrices here are small: threads that wait for each other take a third of the time of a study.
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
+# What others call these, and what to write.
+_OTHER_COMMANDS = {
+    "plot": "every command draws what it computes: filippov simulate MODEL -o DIR.",
+    **dict.fromkeys(("run", "solve", "integrate"), "write filippov simulate MODEL."),
+    **dict.fromkeys(("describe", "info", "show"), "write filippov models describe NAME."),
+    **dict.fromkeys(("list", "ls", "model"), "write filippov models."),
+    "help": "write filippov --help, or filippov COMMAND --help.", "version": "write filippov --version.",
+}  # fmt: skip
+_PARAMETERS = dict.fromkeys(
+    ("--params", "--parameters", "--param", "--set", "-P"), "parameters are set by -p NAME=VALUE, one each"
+)
+
 
 class Parser(argparse.ArgumentParser):
     """argparse that raises UsageError, with suggestions, in place of leaving the process."""
@@ -39,6 +51,7 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, **options: Any) -> None:
         super().__init__(**{"allow_abbrev": False, "formatter_class": _formatter, **options})
         self.words: list[str] = ["-h", "--help"]
+        self.forms: dict[str, str] = {}
 
     def add(self, option: Option) -> None:
         """Add an option; one that is not given leaves no trace, so that file and default can step in."""
@@ -49,6 +62,8 @@ class Parser(argparse.ArgumentParser):
             self.add_argument(option.name, nargs="?", metavar=option.metavar, **shared)
             return
         flags = option.flags or (option.flag,)
+        values = (option.metavar,) if isinstance(option.metavar, str) else option.metavar or ()
+        self.forms |= {flag: " ".join((flag, *values)) for flag in flags if values}
         self.words += flags
         if option.earlier:
             self.add_argument(f"--{option.earlier}", dest=option.earlier, default=argparse.SUPPRESS,
@@ -62,9 +77,14 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise UsageError."""
-        wrong = re.search(r"invalid choice: '([^']*)'", message)
-        hint = closest(wrong[1], self.words) if wrong else ""
-        raise UsageError(f"{message}{'; ' + hint if hint else ''} (see {self.prog} --help)")
+        wrong = re.search(r"argument COMMAND: invalid choice: '([^']*)'", message)
+        if wrong:
+            hint = _OTHER_COMMANDS.get(wrong[1]) or closest(wrong[1], self.words)
+            known = ", ".join(word for word in self.words if not word.startswith("-"))
+            raise UsageError(f"unknown command {wrong[1]!r}; {hint}{' ' * bool(hint)}known: {known}")
+        few = re.search(r"argument (\S+): expected ", message)
+        form = self.forms.get(few[1].split("/")[-1], "") if few else ""
+        raise UsageError(f"{message}{': ' + form if form else ''} (see {self.prog} --help)")
 
 
 def _formatter(prog: str) -> argparse.HelpFormatter:
@@ -204,7 +224,7 @@ def _main(argv: list[str], show: dict[str, bool], for_good: bool) -> int:
             own = known[given["command"]].settings if given.get("command") else ()
             flag = word.split("=")[0]
             hint = _elsewhere(given.get("command"), flag, known)
-            hint = hint or closest(flag, part.words) or _choice(own, word)
+            hint = hint or _PARAMETERS.get(flag, "") or closest(flag, part.words) or _choice(own, word)
         else:
             hint = _joined(argv, word) or "expected no more"
         raise UsageError(f"unknown argument {word!r}{'; ' + hint if hint else ''} (see {part.prog} --help)")

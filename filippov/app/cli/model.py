@@ -96,6 +96,12 @@ class Loaded:
         if isinstance(given, dict) and self.x0 is not None:
             own = dict(zip(self.system.states, check_state(self.x0, self.system).tolist(), strict=True))
             return own | given
+        dimension = len(self.system.states)
+        if isinstance(given, list | tuple) and len(given) != dimension:
+            raise UsageError(
+                f"--x0 gives {len(given)} number{'s'[: len(given) - 1]}, expected {dimension} numbers "
+                f"(states: {', '.join(self.system.states)}): --x0 {self.blanks()}."
+            )
         return given
 
 

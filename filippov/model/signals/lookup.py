@@ -41,7 +41,9 @@ class Table:
     y: npt.NDArray[np.float64]
     outside: str
 
-    @keywords("keyword", error=ModelError)
+    @keywords("keyword", error=ModelError, answers={
+        "*": "a Table is made of its points alone, and called with what goes in: Table(x, y)(u).",
+    })  # fmt: skip
     def __init__(self, x: Any, y: Any, *, outside: str = "hold") -> None:
         if outside not in OUTSIDE:
             raise ModelError(f"table: outside is {outside!r}, expected one of {', '.join(OUTSIDE)}.")
