@@ -52,7 +52,7 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "Input of unequal lengths": (lambda: Input("r", [0, 1, 2], [0, 1]), "'r'", "as many of each"),
     "Input, times not in order": (lambda: Input("r", [0, 2, 1], [0, 1, 2]), "t[1] = 2", "increasing times"),
     "Input(kind='spline')": (lambda: Input("r", [0, 1], [0, 1], kind="spline"), "'spline'", "'cubic'"),
-    "prbs()": (lambda: prbs(), "prbs needs", "prbs(name, clock)"),
+    "prbs()": (prbs, "prbs needs", "prbs(name, clock)"),
     "a set of equations as a list": (lambda: System([v, -x - sign(v)]), "equations are", "{x: dx/dt"),
     "equations as text": (lambda: System({"x": "v", "v": "-x"}), "given for 'x'", "states('x v')"),
     "a state without equation": (lambda: System({x: v}), "'v'", "add its equation"),
