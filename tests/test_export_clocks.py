@@ -10,7 +10,7 @@ import pytest
 import rumoca
 from exported import load
 
-from filippov import Surface, System, TimeEvent, export_system, sign, solve, states
+from filippov import ModelError, Surface, System, TimeEvent, export_system, sign, solve, states
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
 x, n, q = states("x n q")
@@ -90,3 +90,15 @@ def test_15_6_a_tick_across_a_reset_ends_the_modelica_text(tmp_path: Path) -> No
     assert run.time[-1] == pytest.approx(2.5, abs=1e-9)
     module = load(export_system(saw(x - 2), tmp_path / "across.py", x0=(1, 0), t_span=(0, 6)))
     assert module.run().status == "corner"
+
+
+def test_15_6_a_reset_that_moves_another_ones_surface_is_refused_in_modelica(tmp_path: Path) -> None:
+    """From 0 to 3, across 2, whose reset read the 0: the end was at 0.8, the exact solution has 0.4."""
+    system = System(
+        {x: -1, q: 0},
+        surfaces=[Surface("low", x, reset={x: 3}), Surface("high", 2 - x, reset={q: q + 1, x: 1 + 0.1 * x})],
+    )
+    exact = solve(system, (1, 0), (0, 3.2))
+    assert exact.x_end == pytest.approx([0.4, 2], abs=1e-12)  # 1.3 at t = 1 and 2.3, each by both resets
+    with pytest.raises(ModelError, match="the reset of surface 'low' changes what surface 'high'"):
+        modelica(system, tmp_path, "Both", 3.2)

@@ -162,11 +162,28 @@ def _check(eq: Equations, name: str, mode: Sequence[int]) -> None:
             raise ModelError(
                 f"time event {event.name!r} has a list of times, expected a period. Export to C."
             )
+    _check_resets(eq)
     for surface, contact, sign in zip(system.surfaces, eq.contact, mode, strict=True):
         if contact and sign == 0:
             raise ModelError(
                 f"the state rests on surface {surface.name!r}, which the Modelica text does not hold."
             )
+
+
+def _check_resets(eq: Equations) -> None:
+    """Raise ModelError where a reset moves h of another surface that has one.
+
+    Where that leads across, the second reset follows at once, and reads the state before the first by `pre`.
+    """
+    for i, after in enumerate(eq.resets):
+        moved = {x for x, e in zip(eq.form.x, after or (), strict=bool(after)) if e != x}
+        for j, h in enumerate(eq.form.plain_h()):
+            if j != i and eq.reset_from[j] and h.free_symbols & moved:
+                one, other = (repr(eq.system.surfaces[k].name) for k in (i, j))
+                raise ModelError(
+                    f"the reset of surface {one} changes what surface {other} depends on, which has a reset "
+                    "too: the Modelica text has no order of resets at one instant. Export to C."
+                )
 
 
 def _output_names(outputs: Iterable[str], end: str) -> list[str]:
