@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from filippov import models
+from filippov import Surface, System, exp, models, sign, states
 from filippov.analysis.comparisons.band_model import BandModel
 from filippov.analysis.comparisons.comparison import compare
 from filippov.analysis.comparisons.comparison_result import Comparison
@@ -219,3 +219,20 @@ def test_figure_has_a_line_for_every_family(hunting: Comparison) -> None:
     import matplotlib.pyplot as plt
 
     plt.close(figure)
+
+
+def test_15_4_drift_on_a_belt_is_the_way_slipped_on_it() -> None:
+    """The belt carries the block 0.18 in stick; on it the exact one does not slip, a band's by its width."""
+    x, v = states("x v")
+    rel = v - 0.3
+    block = System(
+        {x: v, v: -25 * x - 2 * (1 + exp(-abs(rel) / 0.1)) * sign(rel)}, surfaces=[Surface("belt", rel)]
+    )
+    section = Section("belt", "sliding entry", "x", {"x": "d", "v": "0.3"})
+    table = compare(
+        block, section, widths=(1e-3, 1e-4), interval=(-0.15, 0.1), comparators=("band",), repeats=1
+    )
+    assert table.rows[0]["drift"] < 1e-14
+    wide, narrow = (row["drift"] for row in table.rows[1:])
+    assert narrow < 1e-4
+    assert wide / narrow == pytest.approx(10, rel=0.1)

@@ -5,7 +5,8 @@ Compared, at every width and for every combination of a model's options:
     error_times         largest |t - t_exact| over the first entries into and exits from stick of one response
     error_R             largest |R(d) - R_exact(d)| over the coordinates d
     error_fixed_points  |d* - d*_exact| for every isolated fixed point of the order-th return
-    drift               largest |position(t) - position(entry)| during the stays in stick of the response
+    drift               largest way slipped during the stays in stick of the response, |integral of h dt| from
+                        the entry on, or |position(t) - position(entry)|
     field_calls, seconds   of the same solutions over the same span, ratios to the exact system beside them
 
 R(d) is the section's coordinate where the solution that starts on the section at d enters stick (see
@@ -95,7 +96,7 @@ def compare_sections(
     coordinates  d at which R(d) is compared; default five over the interval, else 0.1 ... 0.5
     interval     where fixed points of the order-th return are sought; None: not compared
     x0           start of the response, default that of the middle coordinate; events: how many to compare
-    position     quantity (t, x, p) that stick keeps, p of the exact system; default the coordinate
+    position     quantity (t, x, p) that stick keeps, p of the exact system; default: the way slipped
     parameters   values by name, for the exact system and every model that has them
     max_steps    budget of one solution; a model that uses it up is not tried at smaller widths
     repeats      runs whose median is the time, exact and model in turn

@@ -5,13 +5,14 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.comparisons.band_model import BandModel, Reader, Stay
+from filippov.analysis.comparisons.solution_events import EventReader
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.gap_roots import fixed_point_near
 from filippov.analysis.maps.section import Section
@@ -72,6 +73,7 @@ class ExactRun:
         self.given = dict(parameters or {})
         self.options: dict[str, Any] = {"rtol": rtol, "atol": atol, "max_steps": max_steps}
         self.reader = Reader(system, section.surface, self.p)
+        self.ways = EventReader(system, self.p)
         self.repeats = repeats
         self.points: tuple[Any, ...] = ()
 
@@ -80,9 +82,8 @@ class ExactRun:
         return np.asarray(self.bound.start(np.array([d]), self.p)[0])
 
     def place(self, solution_t: float, x: Array) -> float:
-        """The quantity that stick keeps."""
-        if self.position is None:
-            return float(x[self.bound.index])
+        """The quantity that stick keeps, where one was asked for."""
+        assert self.position is not None
         return float(self.position(solution_t, x, self.system.parameters.record(self.p)))
 
     def measure(
@@ -141,9 +142,16 @@ class ExactRun:
         return end.t_end
 
     def drift(self, solution: Solution, stays: Sequence[Stay], until: float) -> float:
-        """Largest change of the position within a stay, up to a time, from 64 points a stay."""
+        """Largest change of the position within a stay, up to a time, from 64 points a stay.
+
+        Without a position that was asked for: the way slipped, as for solutions; a belt carries the place on.
+        """
         assert solution.sol is not None
         worst = 0.0
+        if self.position is None:
+            until = min(until, solution.t_end)
+            cut = [replace(stay, t1=min(stay.t1, until)) for stay in stays if stay.t0 < until]
+            return self.ways.drift(solution, self.section.surface, cut)
         for stay in stays:
             if stay.t0 >= until:
                 break

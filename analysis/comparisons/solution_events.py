@@ -78,7 +78,7 @@ class EventReader:
         for name, reader in self.readers.items():
             stays = reader.of_exact(solution)
             times = tuple(e.t for e in solution.events.of(name) if e.kind is EventKind.CROSSING)
-            out.append(Read(name, tuple(stays), times, self._drift(solution, name, stays)))
+            out.append(Read(name, tuple(stays), times, self.drift(solution, name, stays)))
         return tuple(out)
 
     def model(self, solution: Solution, model: Approximation, width: float) -> tuple[Read, ...]:
@@ -94,7 +94,7 @@ class EventReader:
                 band = model.band_model(name)
                 stays, edge = reader.of_model(solution, band, width), band.reach * width
             crossings = self._crossings(solution, reader, stays, edge)
-            out.append(Read(name, tuple(stays), crossings, self._drift(solution, name, stays)))
+            out.append(Read(name, tuple(stays), crossings, self.drift(solution, name, stays)))
         return tuple(out)
 
     def jump(self, solution: Solution, name: str) -> float:
@@ -125,7 +125,7 @@ class EventReader:
                 found.append(float(brentq(lambda q: reader.height(q, sol(q)), t[a], t[b], xtol=1e-14)))
         return tuple(found)
 
-    def _drift(self, solution: Solution, name: str, stays: Sequence[Stay]) -> float:
+    def drift(self, solution: Solution, name: str, stays: Sequence[Stay]) -> float:
         """The way slipped in stick: of the place where a state is one, else the integral of h."""
         sol, worst, reader, place = solution.sol, 0.0, self.readers[name], self.places[name]
         assert sol is not None
