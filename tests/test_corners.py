@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sympy import Rational, cos, sign
+from sympy import Heaviside, Piecewise, Rational, cos, sign
 
 from filippov import Status, Surface, System, parameters, solve, states, t
 from filippov.models.belt import belt
@@ -212,3 +212,31 @@ def test_multipliers_with_a_pole_ahead_leave_their_set_before_it() -> None:
     np.testing.assert_allclose(run.multiplier("h1", times), 7 / (96 - 112 * np.cos(2 * times)), rtol=1e-9)
     leaving = [e for e in run.events if e.before == (0, 0)]
     assert leaving[0].t == pytest.approx(math.pi - math.acos(89 / 112) / 2, abs=1e-9)
+
+
+@pytest.mark.parametrize("stiffness", [1000, 160000])
+def test_rest_that_a_step_ends_where_two_surfaces_meet(stiffness: float) -> None:
+    """A quarter car with a switched damper rests until a kerb at t = 1. Its wheel is fast against what came
+    before: followed over the time of the rest, the trial step found that v = 0 may go on."""
+    m, wheel, spring = 300, 40, 16000
+    damper = Piecewise((3000, v * (v - u) > 0), (300, True)) * (v - u)
+    lift = 0.05 * stiffness / wheel
+    system = System({
+        x: v, v: (-spring * (x - y) - damper) / m,
+        y: u, u: (spring * (x - y) + damper - stiffness * y) / wheel + lift * Heaviside(t - 1),
+    })  # fmt: skip
+    run = solve(system, (0, 0, 0, 0), (0, 2), **TIGHT)
+    assert run.status is Status.SUCCESS
+
+    place, speed, low, sinks, step = 0.0, 0.0, 0.0, 0.0, 1e-5
+    for _ in range(100_000):  # Euler's method, which slides by short steps back and forth
+        c = 3000 if speed * (speed - sinks) > 0 else 300
+        force = spring * (place - low) + c * (speed - sinks)
+        rise = (force - stiffness * low) / wheel + lift
+        place, speed, low, sinks = (
+            place + step * speed,
+            speed - step * force / m,
+            low + step * sinks,
+            sinks + step * rise,
+        )
+    assert run.x_end == pytest.approx([place, speed, low, sinks], abs=3e-5)

@@ -30,6 +30,8 @@ ROUNDING, AT_END = 16 * float(np.finfo(float).eps), 3e-13
 OPEN = 1e299
 # A rate above this part of what the signs and the field make of it is no rounding, whatever the terms are.
 PLAIN = 1e-3
+# A trial step is this part of the time in which a field crosses the size of the state.
+TRIAL = 1e-2
 
 
 def multiplier_guesses(point: Point, sliding: Sequence[int]) -> list[Array]:
@@ -105,7 +107,7 @@ def moving_outwards(
     free: those whose multiplier no rate fixes: it may stand at either end
     """
     leaving = []
-
+    point = _on_own_scale(point, mode, lam)
     code, _, _, rows = point.probe(point.step, mode, lam)
 
     def sign_along(i: int, side: int) -> float | None:
@@ -129,6 +131,16 @@ def moving_outwards(
                 leaving.append(i)
                 break
     return leaving
+
+
+def _on_own_scale(point: Point, mode: Array, lam: Array) -> Point:
+    """The point with a trial step on the scale of a mode: where the field jumps with time, another one."""
+    _, field, _, _ = point.probe(0.0, mode, lam)
+    size = float(np.max(np.abs(point.x), initial=0.0)) + 1e-3
+    most = TRIAL * size / (float(np.max(np.abs(field), initial=0.0)) + 1e-300)
+    if not most < abs(point.step):
+        return point
+    return replace(point, step=point.direction * most, probed={})
 
 
 def _row(side: int, i: int, rows: Array) -> Array:
