@@ -200,3 +200,16 @@ def copied(value: Any, memo: dict[int, Any]) -> Any:
 
 def _tuple_like(value: Any, items: list[Any]) -> Any:
     return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
+
+
+def length_less(a: Any, b: Any, fixed: Callable[[Any], float | None]) -> Any:
+    """q - c^2 of a length sqrt(q), a sum of squares, beside a number c > 0; None of others.
+
+    sqrt(q) has no slope at 0, where a body at rest begins. fixed: the number of what parameters decide.
+    """
+    for root, number in ((a, b), (b, a)):
+        if isinstance(root, sympy.Pow) and root.exp == sympy.S.Half and isinstance(root.base, sympy.Add):
+            limit = fixed(number)
+            if limit is not None and limit > 0 and all(q.is_nonnegative for q in root.base.args):
+                return root.base - expression(number) ** 2
+    return None

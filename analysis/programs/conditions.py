@@ -19,6 +19,7 @@ from filippov.analysis.programs.choice import (
     expression,
     is_condition,
     is_number,
+    length_less,
     plain,
 )
 from filippov.analysis.programs.notes import ReadingError, Site, at
@@ -152,7 +153,7 @@ class Conditions(Switching):
             decided = self._by_case(node, how, difference)
         if decided is not None:
             return decided
-        length = self.length_less(a, b)
+        length = length_less(a, b, self.fixed)
         if length is not None:
             a, b = (length, sympy.S.Zero) if isinstance(a, sympy.Pow) else (sympy.S.Zero, length)
         held = plain(_SYMPY[how](a, b, evaluate=False))

@@ -19,6 +19,7 @@ from filippov.analysis.programs.choice import (
     expression,
     is_condition,
     is_number,
+    length_less,
     plain,
 )
 from filippov.analysis.programs.notes import Clock, ReadingError, at
@@ -226,7 +227,7 @@ class Switching:
             items = tuple(as_number(item) for item in items)
             if all(is_number(item) for item in items):
                 return max(items) if kind is Max else min(items)
-            length = self.length_less(*items) if len(items) == 2 else None
+            length = length_less(*items, self.fixed) if len(items) == 2 else None
             if length is not None:
                 self.site(node, name, length)
                 first, second = items if isinstance(items[0], sympy.Pow) else items[::-1]
@@ -242,18 +243,6 @@ class Switching:
             return out
 
         return elementwise(one, *values)
-
-    def length_less(self, a: Any, b: Any) -> Any:
-        """q - c^2 of a length sqrt(q), a sum of squares, beside a number c > 0; None of others.
-
-        sqrt(q) has no slope at 0, where a body at rest begins.
-        """
-        for root, number in ((a, b), (b, a)):
-            if isinstance(root, sympy.Pow) and root.exp == sympy.S.Half and isinstance(root.base, sympy.Add):
-                limit = self.fixed(number)
-                if limit is not None and limit > 0 and all(q.is_nonnegative for q in root.base.args):
-                    return root.base - expression(number) ** 2
-        return None
 
     def interpolate(self, node: ast.AST, x: Any, xp: Any, fp: Any, **given: Any) -> Any:
         """np.interp: a polygon, with a corner at each of its points."""
