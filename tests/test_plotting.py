@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 
 from filippov.base.errors import UsageError
 from filippov.graphs.graph import observed_graph, possible_graph
+from filippov.model.signals.input import Input
 from filippov.model.symbols import states, t
 from filippov.model.system import System
 from filippov.model.time_event import TimeEvent
@@ -241,3 +242,18 @@ def test_work_on_a_graph_is_told_and_limited() -> None:
     assert [k for k, _ in done] == [1, 2, 3]
     assert all(k <= of <= 3 for k, of in done)
     assert graph.graph["complete"] is False
+
+
+@pytest.mark.parametrize("period", [None, 4.0])
+def test_an_output_has_a_gap_where_an_input_jumps(period: float | None) -> None:
+    """u = r - x with x' = u, no surface there: r goes from 1 to 2 at t = 1 and t = 2 is none of its jumps."""
+    (x,) = states(["x"])
+    r = Input("r", [0.0, 1.0, 4.0], [1.0, 2.0, 1.0], kind="hold", outside="hold", period=period)
+    run = solve(System({x: r - x}, outputs={"u": r - x}), (0.0,), (0.0, 6.0))
+    (line,) = [line for line in plot_solution(run, ["u"]).axes[0].lines if line.get_color() == "#d55e00"]
+    t, u = line.get_data()
+    gaps = [float(t[k]) for k in np.flatnonzero(np.isnan(u))]
+    assert gaps == pytest.approx([1.0, 4.0, *([5.0] if period else [])])
+    first = (t < 1.0) & np.isfinite(u)
+    assert np.max(np.abs(u[first] - np.exp(-t[first]))) < 1e-6
+    assert u[int(np.flatnonzero(np.isnan(u))[0]) + 1] == pytest.approx(1 + np.exp(-1.0), abs=1e-6)
