@@ -247,10 +247,10 @@ def _sampled(
         raise UsageError(f"points is {points!r}, expected at least 2.")
     d = np.linspace(lo, hi, points) if samples is None else np.asarray(samples[0], dtype=float)
     image = np.asarray(event_map(d) if samples is None else samples[1], dtype=float)
-    return _bisected(event_map, d, image)
+    return bisected(event_map, d, image)
 
 
-def _bisected(event_map: Any, d: Array, image: Array) -> tuple[Array, Array]:
+def bisected(event_map: Any, d: Array, image: Array) -> tuple[Array, Array]:
     """More points where the map seems to jump: across what is steep only, the steps become small."""
     for _ in range(BISECTIONS):
         at = _jumps(image)

@@ -17,6 +17,7 @@ from filippov.model.comparator import NAMES
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import parameters
 from filippov.model.system import System
+from filippov.plot.maps import bisected
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 
@@ -136,7 +137,7 @@ class Solutions:
         assert self.subject.interval is not None
         seen = [*self.subject.interval, *orbit[: COBWEB + 1][np.isfinite(orbit[: COBWEB + 1])]]
         d = np.linspace(min(seen), max(seen), MAP_POINTS)
-        return MapData(d, event_map(d), orbit[: COBWEB + 1], orbit[-KEEP:])
+        return MapData(*bisected(event_map, d, event_map(d)), orbit[: COBWEB + 1], orbit[-KEEP:])
 
     def _followed(self, view: View) -> MapData:
         """The pairs along one solution from t = 0, as at the start of a diagram."""
