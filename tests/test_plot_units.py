@@ -102,3 +102,8 @@ def test_durations_of_an_observed_graph():
     figure = plot.plot_graph(observed_graph(solve(SYSTEM, HUNTING.x0, (0, 5))))
     told = [ax.get_legend().get_title().get_text() for ax in figure.axes if ax.get_legend()]
     assert told == ["in a mode: times entered × mean duration [s]"]
+
+
+def test_a_cycle_that_a_basin_belongs_to_has_a_unit():
+    legend = basin().legends[0]
+    assert "cycle, d = 0.2523 m" in [text.get_text() for text in legend.get_texts()]

@@ -25,7 +25,7 @@ from filippov.base.names import unknown
 from filippov.base.shown import Shown
 from filippov.base.status import Status
 from filippov.model.system import System
-from filippov.plot.style import axis_labels
+from filippov.plot.style import axis_labels, coordinate_labels
 from filippov.solving.ensemble import solve_many
 from filippov.solving.state.problem import Problem
 from filippov.sweep.plan import Sweep
@@ -46,7 +46,7 @@ class Basin(Shown):
                 largest
     d           coordinate of the first event, NaN without one
     complete    False where the computation was interrupted
-    parameters  values by name; labels: of the axes, with units
+    parameters  values by name; labels: of the axes and of d, with units
     """
 
     names: tuple[str, str]
@@ -163,7 +163,8 @@ def basin(
     rest_of = {name: others.get(name, 0.0) for name in system.states if name not in (x[0], y[0])}
     return Basin(
         (x[0], y[0]), across, up, rest_of, label.reshape(shape), attractors, d.reshape(shape), complete,
-        system.parameters.others(parameters), axis_labels(system, x[0], y[0]),
+        system.parameters.others(parameters),
+        axis_labels(system, x[0], y[0]) | coordinate_labels(system, section),
     )  # fmt: skip
 
 

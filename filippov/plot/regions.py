@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.errors import UsageError
+from filippov.base.escape import figure_text
 from filippov.base.keywords import keywords
+from filippov.base.label import unit_of
 from filippov.base.names import check_known
 from filippov.plot.results import result_of
 from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, RED, SKY, new_figure, style
@@ -161,13 +163,15 @@ def plot_basin(
         ax = drawn.subplots()
         kinds = np.zeros(result.label.shape, dtype=int)
         names, colors = [], []
+        unit = unit_of(result.labels.get("d", ""))
+        unit = figure_text(f" {unit}") if unit else ""
         for number, label in enumerate(np.unique(result.label).tolist()):
             kinds[result.label == label] = number
             if label < 0:
                 name, color = special[label]
             else:
                 d = result.attractors[label]
-                name = "rest" if d == 0.0 else f"cycle, d = {d:.4g}"
+                name = "rest" if d == 0.0 else f"cycle, d = {d:.4g}{unit}"
                 color = BASINS[label % len(BASINS)]
             names.append(name)
             colors.append(color)
