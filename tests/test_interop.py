@@ -167,6 +167,9 @@ def test_16_9_what_has_no_meaning_is_refused() -> None:
         (lambda: relay("e", "u", -1), "amplitude is -1"),
         (lambda: quantiser("e", "u", 0.1, 99), "from 1 to 32"),
         (lambda: sampled(plant, "e", "u"), "expected a sampled system"),
+        (lambda: sampled([[1]], "e", "u"), "expected a sampled StateSpace or TransferFunction"),
+        (lambda: relay("e", 1.0), "outputs is 1.0, expected the name of one signal"),
+        (lambda: backlash(None, "b"), "inputs is None, expected the name of one signal"),
     ):
         with pytest.raises(ModelError, match=text):
             make()

@@ -14,6 +14,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
+from filippov.base.given import shown
 from filippov.base.keywords import keywords
 from filippov.interop.wiring import Block
 from filippov.model.check import as_expression
@@ -139,6 +140,11 @@ def sampled(system: Any, inputs: Any, outputs: Any, *, start: Any = 0.0, name: s
     x+ = A x + B u and y = C x + D u at the times start + k dt; the last state is the output that is held.
     """
     control = control_module()
+    if not isinstance(system, control.StateSpace | control.TransferFunction):
+        raise ModelError(
+            f"{name}: system is {shown(system)}, expected a sampled StateSpace or TransferFunction of "
+            "python-control: control.tf([0.5], [1, -0.5], dt=0.1)."
+        )
     plant = control.ss(system)
     period = plant.dt
     if period in (None, 0, True) or plant.ninputs != 1 or plant.noutputs != 1:
@@ -169,7 +175,19 @@ def _positive(value: Any, name: str, what: str) -> Expr:
     return e
 
 
+def _signals(inputs: Any, outputs: Any, name: str) -> None:
+    """Refuse what are not the names of one signal that goes in and one that comes out."""
+    for what, value in (("inputs", inputs), ("outputs", outputs)):
+        held = value if isinstance(value, list | tuple) else [value]
+        if len(held) != 1 or not isinstance(held[0], str):
+            raise ModelError(
+                f"{name}: {what} is {shown(value)}, expected the name of one signal, as in "
+                "relay('error', 'command', 1.0). Values in a diagram come from its blocks and inputs."
+            )
+
+
 def _static(build: Build, inputs: Any, outputs: Any, name: str) -> Any:
+    _signals(inputs, outputs, name)
     u = Symbol("u", real=True)
     block = build(name, u, ())
 
@@ -182,6 +200,8 @@ def _static(build: Build, inputs: Any, outputs: Any, name: str) -> Any:
 
 
 def _with_state(build: Build, inputs: Any, outputs: Any, name: str, count: int) -> Any:
+    _signals(inputs, outputs, name)
+
     def refused(t: Any, x: Any, given: Any, params: Any) -> Any:
         raise ModelError(f"block {name!r} has events: simulate it with filippov, from_control(...).")
 
