@@ -67,6 +67,35 @@ def test_dask_workers_killed_at_random_lose_nothing(client: Any, tmp_path: Path)
         assert load_table(out).content_hash == plain.content_hash
 
 
+def test_a_worker_that_is_lost_while_its_result_is_read_costs_nothing(client: Any, tmp_path: Path) -> None:
+    """distributed reads the status of a future after its result: one that changed looks like an error."""
+    cascade, spoiled = distributed.cfexecutor._cascade_future, []
+
+    class Late:
+        """A future whose status changes once its result has been read."""
+
+        def __init__(self, future: Any) -> None:
+            self.future, self.read = future, False
+
+        @property
+        def status(self) -> str:
+            return "pending" if self.read else self.future.status
+
+        async def _result(self, raiseit: bool) -> Any:
+            result = await self.future._result(raiseit=raiseit)
+            self.read = len(spoiled) < 3
+            spoiled.append(self.read)
+            return result
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(distributed.cfexecutor, "_cascade_future", lambda f, to: cascade(Late(f), to))
+        sweep = sweep_of(write_case(tmp_path, "plain", 40), "plain", 40)
+        table = sweep.run(tmp_path / "out", executor="dask", scheduler=client, chunk=5)
+    assert sum(spoiled) == 3
+    check(table)
+    assert table.content_hash == serial(sweep).content_hash
+
+
 def test_dask_and_the_own_pool_give_the_same_content(client: Any, tmp_path: Path) -> None:
     model = registry.get("hunting")
     vary = {"P": np.linspace(10, 30, 15), "x0.x": np.linspace(-0.3, 0.3, 10)}

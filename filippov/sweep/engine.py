@@ -156,12 +156,12 @@ class Dask(Given):
     def lost(self, future: Future[Any], error: BaseException) -> bool:
         """Whether the chunk may be to blame: dask has tried it on several workers already."""
         self.look()
-        return not isinstance(error, CancelledError)
+        return not (isinstance(error, CancelledError) or overtaken(error))
 
     def fatal(self, error: BaseException) -> bool:
         """Whether an error ends the sweep."""
         killed = importlib.import_module("distributed.scheduler").KilledWorker
-        return not isinstance(error, MemoryError | CancelledError | killed)
+        return not (isinstance(error, MemoryError | CancelledError | killed) or overtaken(error))
 
     def cause(self, future: Future[Any]) -> str:
         """How the workers of a chunk ended."""
@@ -174,6 +174,12 @@ class Dask(Given):
         for item in self.own:
             with suppress(Exception) if at_once else nullcontext():  # what is lost cannot say goodbye
                 item.close(timeout=1 if at_once else 10)
+
+
+def overtaken(error: BaseException) -> bool:
+    """Whether dask took a result for an error: it reads how a future ended after what came of it, and in
+    between its worker may be lost."""
+    return isinstance(error, TypeError) and ChunkOutcome.__name__ in str(error)
 
 
 def engine_of(
