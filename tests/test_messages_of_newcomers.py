@@ -56,6 +56,10 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "a set of equations as a list": (lambda: System([v, -x - sign(v)]), "equations are", "{x: dx/dt"),
     "equations as text": (lambda: System({"x": "v", "v": "-x"}), "given for 'x'", "states('x v')"),
     "a state without equation": (lambda: System({x: v}), "'v'", "add its equation"),
+    "Piecewise with ==": (
+        lambda: Piecewise((0, v == 0), (1, v > 0), (-1, True)), "condition 1 of 3 is False", "== and !="),
+    "Piecewise with !=": (
+        lambda: Piecewise((1, v != 0), (0, True)), "condition 1 of 2 is True", "(a, x > 0), (b, True)"),
     "a Piecewise without an end": (
         lambda: System({x: v, v: Piecewise((1, x > 0))}), "the equation of 'v'", "(expression, True)"),
     "0 < x < 1": (lambda: System({x: v, v: Piecewise((1, 0 < x < 1), (0, True))}), "Relational", "& and |"),

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
+import sympy
 from sympy import (
     Abs,
     Expr,
     Heaviside,
     Max,
     Min,
-    Piecewise,
     Symbol,
     cos,
     exp,
@@ -53,6 +54,22 @@ __all__ = [
 
 install()
 t = Symbol("t", real=True)
+
+
+def Piecewise(*pieces: Any, **options: Any) -> Expr:
+    """Piecewise((a, x > 0), (b, True)): a where x > 0, else b; at x = 0 the inclusion of both.
+
+    Raises ModelError for conditions that Python has decided: `x == 0` compares names, and is False.
+    """
+    for k, piece in enumerate(pieces, 1):
+        decided = piece[1] if isinstance(piece, tuple | list) and len(piece) == 2 else None
+        if decided is False or (decided is True and k < len(pieces)):
+            raise ModelError(
+                f"Piecewise: condition {k} of {len(pieces)} is {decided}, expected one such as x > 0 (True "
+                "for the last). Python's == and != compare names, not values, and what holds where x is 0 "
+                "the inclusion sets: write Piecewise((a, x > 0), (b, True)) for the sides."
+            )
+    return sympy.Piecewise(*pieces, **options)
 
 
 _ONE_TEXT = {"*": "states was given several values, expected the names in one text: x, v = states('x v')."}
