@@ -12,6 +12,7 @@ from filippov.base.escape import LINES, printable
 if TYPE_CHECKING:
     from markupsafe import Markup
 
+_CODE = re.compile(r"`([^`\n]+)`")
 _PLACE = re.compile(r"\[\[((?:section|figure|table) [^\]]+)\]\]", re.IGNORECASE)
 
 
@@ -81,8 +82,8 @@ class Numbers(dict[str, tuple[str, str]]):
         return Markup(_PLACE.sub(link, str(escape(printable(text, LINES)))))  # noqa: S704
 
     def coded(self, text: str) -> Markup:
-        """As `linked`, with `code` marked up."""
+        """As `linked`, with `code` between two backticks marked up; one without another is a character."""
         from markupsafe import Markup
 
-        parts = [str(self.linked(part)) for part in text.split("`")]
+        parts = [str(self.linked(part)) for part in _CODE.split(text)]
         return Markup("".join(f"<code>{p}</code>" if k % 2 else p for k, p in enumerate(parts)))  # noqa: S704
