@@ -127,10 +127,7 @@ def _counted(name: str, key: str, ends: Any) -> str:
     flag = _COUNTS.get(name.lstrip("-"))
     if flag is None or not isinstance(ends, list) or len(ends) != 3:
         return ""
-    return (
-        f" Write {name} {key}={ends[0]}:{ends[1]}; how many values is a flag of its own, of commands that "
-        f"compute at each: --{flag} {ends[2]}"
-    )
+    return f" How many values is a flag of its own: {name} {key}={ends[0]}:{ends[1]} --{flag} {ends[2]}"
 
 
 def varied(value: Any, name: str) -> dict[str, list[float]]:
