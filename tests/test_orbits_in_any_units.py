@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from test_maps_in_any_units import Loop
 
-from filippov import Surface, System, cos, parameters, states
+from filippov import Surface, System, cos, parameters, sign, states
 from filippov import t as time
 from filippov.analysis.bifurcations.continuation import continuation
+from filippov.analysis.orbits.margin import nearest_pass
 from filippov.analysis.orbits.orbit_search import find_orbit
 
 x, y, z = states("x y z")
@@ -76,3 +77,18 @@ def test_12_13_coefficients_of_grazing_in_any_units(seed: int) -> None:
     assert point.coefficients["bend"] * long**2 / length == pytest.approx(w * w, rel=1e-7)
     vector = point.coefficients["vector y"] / speed * sqrt(length)
     assert vector == pytest.approx(-(1 + e) * sqrt(2) * w, rel=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(PER_DRAW))
+def test_12_13_how_near_a_surface_is_passed_in_any_units(seed: int) -> None:
+    """x'' + 0.4 x' + x = cos 1.3 t - 0.2: x + x'/2 - 3 goes from -3.2 - R to -3.2 + R, R by the gain."""
+    length, speed, long = (float(v) for v in 10.0 ** np.random.default_rng([seed, 97]).integers(-9, 10, 3))
+    q, w = x / length, y / speed
+    pull = -q - 0.4 * w + cos(1.3 / long * time) + sign(q + w / 2 - 3) / 5
+    far = Surface("far", q + w / 2 - 3)
+    system = System({x: y / speed * length / long, y: speed / long * pull}, surfaces=[far])
+    orbit = find_orbit(system, (0.1 * length, 0.0))
+    gain = abs(complex(1, 1.3 / 2)) / abs(complex(1 - 1.3**2, 0.4 * 1.3))
+    share, _, surface = nearest_pass(orbit.pieces)
+    assert surface == "far"
+    assert share == pytest.approx((3.2 - gain) / (3.2 + gain), rel=1e-3)

@@ -17,6 +17,7 @@ from filippov.analysis.bifurcations.codim2 import PREFIX, title
 from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem, is_kink
 from filippov.analysis.bifurcations.special_points import confirmed, name_of_change
+from filippov.analysis.orbits.margin import nearest_pass
 from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.base.status import EventKind
 
@@ -28,6 +29,8 @@ _SAME = 1e-4
 _MOST_KINKS, _INSIDE = 6, 1e-12
 # Where a field ends at a kink a branch is followed to this distance from it, and then this part of the rest.
 _NEAR, _REST = 1e-6, 1.0 - 1e-6
+# A surface passed at less than this part of the largest distance from it is nearly reached.
+_PASSED = 1e-3
 _CUSP = PREFIX + "cusp"
 
 
@@ -196,10 +199,10 @@ class Crossings:
             orbit = problem.orbit(*a.corrector.plain(a.z), margins=True)
         except FAILURES:
             return "", ""
-        size = float(np.max(orbit.high - orbit.low))
         edge = orbit.margin
-        if edge.distance < 1e-3 * size:
-            return "C-bifurcation", f"surface {edge.surface!r} passed at a distance of {edge.distance:.3g}"
+        share, distance, surface = nearest_pass(orbit.pieces, problem.shooting.jacobian)
+        if share < _PASSED:
+            return "C-bifurcation", f"surface {surface!r} passed at a distance of {distance:.3g}"
         if edge.transversality < 1e-2:
             event = min(orbit.events, key=lambda e: abs(e.t - edge.transversal_t))
             name = "grazing-sliding" if event.kind == EventKind.ENTRY else "C-bifurcation"

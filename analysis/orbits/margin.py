@@ -45,24 +45,41 @@ class Margin:
 
 def margin(solutions: Sequence[Solution], jacobian: Callable[..., Any] | None = None) -> Margin:
     """The margins along solutions that make up one period."""
-    off: list[tuple[float, str, float]] = []
-    on: list[tuple[float, str, float]] = []
+    off: list[tuple[float, str, float, float]] = []
+    on: list[tuple[float, str, float, float]] = []
     speed: list[tuple[float, float]] = []
     for solution in solutions:
         for segment in solution.segments:
             off += _turns(solution, segment, False, jacobian)
             on += _turns(solution, segment, True, jacobian)
         speed += _speeds(solution, jacobian)
-    least = min(off, default=(float("inf"), "", float("nan")))
-    slide = min(on, default=(float("inf"), "", float("nan")))
+    least = min(off, default=(float("inf"), "", float("nan")))[:3]
+    slide = min(on, default=(float("inf"), "", float("nan")))[:3]
     slow = min(speed, default=(float("inf"), float("nan")))
     return Margin(*least, *slide, *slow)
 
 
+def nearest_pass(
+    solutions: Sequence[Solution], jacobian: Callable[..., Any] | None = None
+) -> tuple[float, float, str]:
+    """(share, distance, surface) of the nearest pass by a surface without reaching it; share inf for none.
+
+    The share is that of the largest distance from the surface in the same segment, whatever the units are.
+    """
+    passes = [
+        (share, distance, surface)
+        for solution in solutions
+        for segment in solution.segments
+        for distance, surface, _, share in _turns(solution, segment, False, jacobian)
+    ]
+    return min(passes, default=(float("inf"), float("inf"), ""))
+
+
 def _turns(
     solution: Solution, segment: Segment, sliding: bool, jacobian: Callable[..., Any] | None
-) -> list[tuple[float, str, float]]:
-    """(distance, surface, t) at interior least distances of a segment, from surfaces or of multipliers."""
+) -> list[tuple[float, str, float, float]]:
+    """(distance, surface, t, distance over the largest) where a segment is nearest to a surface, or a
+    multiplier to an end of its set, and turns back."""
     system, sol = solution.problem.system, solution.sol
     assert sol is not None
     wanted = [
@@ -97,7 +114,9 @@ def _turns(
             # A state that jumps on the surface meets it, and stays in its mode.
             events = solution.events.of(system.surfaces[i].name).t
             if not np.any(np.abs(events - best.x) < 1e-6 * segment.dwell):
-                out.append((min(float(best.fun), float(row[k])), system.surfaces[i].name, float(best.x)))
+                least = min(float(best.fun), float(row[k]))
+                share = least / (float(np.max(row)) or 1.0)
+                out.append((least, system.surfaces[i].name, float(best.x), share))
     return out
 
 
