@@ -39,7 +39,6 @@ def take_up(run: Trajectory) -> None:
     now.taken = clock.taken
     clock.taken = 0.0
     now.renew = 1 if now.taken == 0.0 else 0
-    now.rested = 0
     if now.taken > 0.0:
         set_mode(run.m, iw)
     clock.grow = clock.grow if clock.grow > 0.0 else 10.0
@@ -54,8 +53,12 @@ def take_up(run: Trajectory) -> None:
 
 
 @kernel
-def hand_back(run: Trajectory) -> None:
+def hand_back(run: Trajectory, code: int) -> None:
     """Save what the next call needs besides the state."""
+    full = code == CHUNK_DONE or code == EVENTS_FULL or code == RECORDS_FULL
+    run.count.cut = 1 if full and run.now.renew == 0 else 0
+    if not full:
+        run.count.rested = 0
     run.count.field_calls += run.iw.calls
     for i in range(M):
         run.lam[i] = run.w.mult[i].value
@@ -112,5 +115,5 @@ def advance(run: Trajectory) -> int:
             code = arrive(run)
         if code == ARRIVED:
             code = decide(run)
-    hand_back(run)
+    hand_back(run, code)
     return code

@@ -42,11 +42,11 @@ def choose_step(run: Trajectory) -> int:
     if last:
         step = remaining
     elif abs(step) <= least_step(t, clock.t_start, clock.t_end):
-        if now.rested != 0 or not at_rest(run.w):
+        if run.count.rested != 0 or not at_rest(run.w):
             return MIN_STEP
         # The equilibrium of a non-Lipschitz field was reached by ever shorter steps; staying there needs
         # none.
-        now.rested = 1
+        run.count.rested = 1
         clock.step = max(1024.0 * EPS * abs(t), 1e-12 * abs(remaining))
         return AGAIN
     elif now.taken == 0.0:

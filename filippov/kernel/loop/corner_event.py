@@ -190,7 +190,7 @@ def take_corner(run: Trajectory) -> int:
             clock.step = 0.0
         if count_down(shift_indices(run.stop, STOPS * k), kind) != 0:
             stopped = k
-    now.surface, now.renew, now.rested = reached, 1, 0
+    now.surface, now.renew, run.count.rested = reached, 1, 0
     clock.trend, clock.grow = 1e-300, 10.0
     run.zeno[reached].widest = 0.0
     if stopped >= 0:

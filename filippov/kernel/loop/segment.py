@@ -158,4 +158,6 @@ def open_segment(run: Trajectory) -> int:
         clock.trend = 1e-300
         return AGAIN
     # The step of a segment that ended in less time than t can tell apart says nothing of the next one.
-    return GO_ON if clock.step > least_step(t, clock.t_start, clock.t_end) else first_length(run)
+    cut, run.count.cut = run.count.cut, 0
+    least = 0.0 if cut != 0 else least_step(t, clock.t_start, clock.t_end)
+    return GO_ON if clock.step > least else first_length(run)

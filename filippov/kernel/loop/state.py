@@ -116,6 +116,9 @@ class Count(Struct):
     pair: int
     # The number of the trajectory's past among those of its thread.
     past: int
+    # 1 where a state of rest has been taken since the last event; where a call ended within a segment.
+    rested: int
+    cut: int
 
 
 class Tick(Struct):
@@ -344,9 +347,8 @@ class Attempt(Struct):
     kept: int
     cause: int
     surface: int
-    # A segment is to be opened; the state of rest has been taken; steps left.
+    # A segment is to be opened; steps left.
     renew: int
-    rested: int
     steps_left: int
 
 

@@ -275,7 +275,7 @@ def tick(run: Trajectory) -> int:
         if run.ticks[i].due != 0:
             now.surface, now.residual = M + i, 0.0
             record_due(run, TIME_RESET if run.ticks[i].moves != 0 else TIME)
-    clock.t, now.renew, now.rested = t, 1, 0
+    clock.t, now.renew, run.count.rested = t, 1, 0
     if moving >= 0:
         for j in range(N):
             x[j] = w.jump[j]

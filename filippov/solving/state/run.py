@@ -317,6 +317,7 @@ class Run:
         self.order[list(along)] = codes.ALONG
         self.lam[:] = multipliers
         self.clock.trend = self.clock.grow = 0.0
+        self.count.cut = 0
         self.clock.relative = min(self.clock.relative, 0.0)
 
     def held_along(self) -> list[int]:
