@@ -41,7 +41,8 @@ _LANE_FILES = (*FILES, "lane_functions", "lane_field", "lane_step", "lane_slot",
 _OF_SYSTEM = ("rhs", "pair", "guards", "gradients", "radii", "resets", "derive")
 # The rest are small loops over states and surfaces, which are unrolled where their numbers are known.
 _OF_SERIES = (
-    "jets", "series_end", "series_step", "take_jets", "error_norm", "series_clear", "guard_state", "carry_on",
+    "jets", "series_end", "series_step", "series_converges", "take_jets", "error_norm", "series_clear",
+    "guard_state", "carry_on",
 )  # fmt: skip
 _OF_WIDE_SERIES = ("look_beside",)
 _OF_SYSTEM_IN_LANES = ("pair", "guards", "gradients", "radii")

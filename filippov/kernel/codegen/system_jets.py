@@ -15,7 +15,7 @@ from sympy import Expr, Symbol
 from filippov.kernel.codegen.generate import KernelPrinter, symbol_names, total_gradients
 from filippov.kernel.codegen.generated import Generated
 from filippov.kernel.codegen.jet_graph import JetGraph
-from filippov.kernel.codegen.jets import jet_lines
+from filippov.kernel.codegen.jets import endless, heavy, jet_lines, last_terms
 from filippov.kernel.language.unit import Constant
 from filippov.model.size import expanded
 from filippov.model.surface import Surface
@@ -39,13 +39,18 @@ def system_jets(
     can = [i for i, q in enumerate(surfaces) if (q.kind == "switching" and not q.width) or q.contact]
     sliding = [] if free_only else [i for i in can if i < len(form.h)][:MOST_SLIDING]
     lines: list[str] = []
-    room = 0
-    for i in (-1, *sliding):
-        graph, results = _graph(form, i, rows)
+    room, n = 0, len(form.x)
+    graphs = {i: _graph(form, i, rows) for i in (-1, *sliding)}
+    own = {i: endless(graph, results[:n]) for i, (graph, results) in graphs.items()}
+    tails = max(map(len, own.values()))
+    if any(own[i] and heavy(graph, order) for i, (graph, _) in graphs.items()):
+        tails = -1
+    for i, (graph, results) in graphs.items():
         name = "free_jets" if i < 0 else f"sliding_jets_{i}"
         lines += ["", "@contract"]
         lines += [f"def {name}({_ARGUMENTS}) -> int:"]
-        text, used = jet_lines(graph, results, order)
+        kept = [*own[i], *[-1] * (tails - len(own[i]))] if tails > 0 else []
+        text, used = jet_lines(graph, results, order, kept)
         lines += [*text, "    return 0", ""]
         room = max(room, used)
     lines += [
@@ -60,17 +65,11 @@ def system_jets(
     ]  # fmt: skip
     for i in sliding:
         lines += [f"        if i == {i}:", f"            return sliding_jets_{i}(t, x, p, m, m, work, out)"]
-    lines += ["        return 1", "    return 1", "", *_end_lines(len(form.x), len(form.x) + 2 * rows, order)]
+    lines += ["        return 1", "    return 1", "", *_end_lines(n, n + 2 * rows, order)]
     constants: dict[str, Constant] = {
-        "JETS": len(form.x) + 2 * rows, "JET_ROOM": room, "POLYNOMIAL": is_polynomial(form),
+        "JETS": n + 2 * rows, "JET_ROOM": room, "TAILS": tails, "LAST": last_terms(order),
     }  # fmt: skip
     return Generated("\n".join(lines), constants)
-
-
-def is_polynomial(form: SymbolicForm) -> bool:
-    """Whether the field off all sliding surfaces is a polynomial of t and the states."""
-    of = {t, *form.x, *form.s, *form.a}
-    return all(e.is_polynomial(*(of & e.free_symbols)) for e in (*form.field, *form.h))
 
 
 def _end_lines(n: int, width: int, order: int) -> list[str]:

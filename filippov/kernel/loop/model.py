@@ -36,9 +36,9 @@ VECTORS = 1
 STAGES, EXTRA, DEGREE_DENSE = 13, 3, 7
 RULE = 0
 ORDER, END_IN_ERROR, IMPLICIT, SERIES = 8, False, False, False
-# Of Taylor's method: coefficients per order (field, two rows per surface), whether the field off all sliding
-# surfaces is a polynomial, and the interpolant of DOP853.
-JETS, POLYNOMIAL, STAND_IN_STAGES = 3, False, 16
+# Of Taylor's method: coefficients per order (field, two rows per surface), the series behind the field whose
+# ends are stored (-1: not known) and half the coefficients of each; the interpolant of DOP853.
+JETS, TAILS, LAST, STAND_IN_STAGES = 3, 0, 4, 16
 ROLE: list[int] = [0]
 LINEAR: list[int] = [1]
 ROOTED: list[int] = [0]

@@ -16,7 +16,9 @@ from filippov.kernel.loop.model import (
     CONTACTS,
     DEGREE_DENSE,
     JETS,
+    LAST,
     STAGES,
+    TAILS,
     WIDTH,
     M,
     N,
@@ -48,7 +50,8 @@ def series_step(
 ) -> float:  # fmt: skip
     """A step by the coefficients at (t, x), or `before` where that one was tried or there are none.
 
-    It is at most `GROWTH` times what the last step suggests, for what the coefficients cannot show.
+    It is at most `GROWTH` times what the last step suggests, for what the coefficients cannot show, and ends
+    before the nearest singularity of what the field is made of.
     """
     if taken_here(t, x, m, w):
         return before
@@ -66,7 +69,47 @@ def series_step(
         length = min(length, root_of_inverse(last / float(STAGES - 1), STAGES - 1))
     if earlier > 0.0:
         length = min(length, root_of_inverse(earlier / float(STAGES - 2), STAGES - 2))
-    return min(length, GROWTH * before)
+    length = min(length, GROWTH * before)
+    for row in range(TAILS):
+        growth = last_growth(row, length, w)
+        if growth > REACHES and growth < 1e300:
+            length *= root_of_inverse(growth / REACHES, LAST)
+    return length
+
+
+# The last terms of the series of a part of the field, relative to as many before them: with less it converges
+# well enough for its end to show what the later terms come to, with more the step would reach beyond the
+# nearest singularity, behind which there may be anything.
+CONVERGES, REACHES = 0.1, 0.8
+
+
+@kernel
+def last_growth(row: int, length: float, w: Scratch) -> float:
+    """The last terms of the series of a part of the field, relative to as many before; 1e300: not known.
+
+    A polynomial part says nothing of what is ahead, and a peak or a bend far away has terms below the
+    rounding of the field, but not below those before them. A part that has none, since it is below the least
+    number or jumps, is not known.
+    """
+    early, late, power = 0.0, 0.0, 1.0
+    for q in range(row * 2 * LAST, (row * 2 + 1) * LAST):
+        early = max(early, abs(w.jet_room[q]) * power)
+        power *= length
+    for q in range((row * 2 + 1) * LAST, (row * 2 + 2) * LAST):
+        late = max(late, abs(w.jet_room[q]) * power)
+        power *= length
+    return late / early if early > 0.0 else 1e300
+
+
+@kernel
+def series_converges(step: float, w: Scratch) -> bool:
+    """Whether the series of all parts of the field are known to converge on the step."""
+    if TAILS < 0:
+        return False
+    for row in range(TAILS):  # noqa: SIM110 - the kernel language has no `all`
+        if not (last_growth(row, abs(step), w) <= CONVERGES):
+            return False
+    return True
 
 
 @kernel

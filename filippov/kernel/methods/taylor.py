@@ -4,7 +4,6 @@ from filippov.kernel.language.primitives import Indices, Vector, contract, kerne
 from filippov.kernel.loop.model import (
     JETS,
     ORDER,
-    POLYNOMIAL,
     STAGES,
     STAND_IN,
     STAND_IN_STAGES,
@@ -16,6 +15,7 @@ from filippov.kernel.loop.model import (
     jets,
     series_end,
 )
+from filippov.kernel.loop.series import series_converges
 from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.methods.inside import look_inside
 
@@ -69,8 +69,8 @@ def stages(
             w.rk[j] = w.k[j]
         return explicit_stages(t, x, p, m, step, y, w, iw, ctx)
     series_end(step, x, w.jet, w.k, y, w.jet_end)
-    # The later coefficients of a polynomial are no surprise: its end shows what they come to.
-    if not (POLYNOMIAL and iw.sliding == 0) and abs(step) != w.checked:
+    # Where the series behind the field converge its end shows what their later terms come to.
+    if abs(step) != w.checked and not series_converges(step, w):
         return look_inside(t, x, p, m, step, w, iw, ctx)
     return 0
 
