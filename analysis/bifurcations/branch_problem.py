@@ -1,13 +1,14 @@
-"""What a continuation can follow: fixed points of a map, orbits, zeros of a function.
+"""What a continuation can follow: fixed points of a map, orbits.
 
-A problem has unknowns u and one parameter; `evaluate` gives residual and matrix, `point` describes a solution
-and gives its test functions. Equilibria are in `filippov.analysis.bifurcations.equilibrium_branch`.
+A problem has unknowns u and one parameter; `evaluate` gives residual and matrix, `point` describes a
+solution and gives its test functions. Equilibria are in `filippov.analysis.bifurcations.equilibrium_branch`,
+zeros of a function in `filippov.analysis.bifurcations.function_problem`.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Protocol
@@ -16,8 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
-from filippov.analysis.algebra import linalg
-from filippov.analysis.algebra.growth import ACCURACY, by_eigenvalues, by_multipliers
+from filippov.analysis.algebra.growth import ACCURACY, by_multipliers
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.reset_sides import reset_sides
 from filippov.analysis.maps.event_map import EventMap
@@ -333,6 +333,17 @@ class OrbitProblem:
         whole = whole_period(self.shooting, u, p, self.solutions(u, value))
         return _told(word_of(cycle_of_modes(whole), system), whole, p)
 
+    def facing(self, u: Array, value: float) -> float:
+        """The cosine of the angle between an autonomous orbit at its first node and the normal of the phase
+        condition, with and without units of the states the lesser one; 1 where there is no such condition."""
+        shooting = self.shooting
+        if shooting.period is not None:
+            return 1.0
+        here, before = shooting.at(u, self.p(value), self.solutions(u, value)).velocity, shooting.velocity
+        unit = self.scale[: shooting.n]
+        pairs = ((here, before), (here / unit, before / unit))
+        return min(float(a @ b) / (float(np.linalg.norm(a) * np.linalg.norm(b)) or 1.0) for a, b in pairs)
+
     def residual(self, u: Array, value: float) -> Array:
         """The residual of the equations."""
         return self.shooting.residual(u, self.solutions(u, value), self.p(value))
@@ -370,6 +381,24 @@ class OrbitProblem:
             value, tuple(u.tolist()), data, tuple(complex(v) for v in orbit.multipliers), orbit.verdict,
             word, orbit.modes, orbit.period, tests, orbit.residual, phase=self.shooting.phase,
         )  # fmt: skip
+
+    def in_phase(self, u: Array, value: float, direction: Array) -> Array:
+        """A direction (u, value) along a branch of autonomous orbits, less what only shifts them in phase: as
+        the phase condition at this solution has it."""
+        shooting = self.shooting
+        if shooting.period is not None:
+            return direction
+        p, n, out = self.p(value), shooting.n, direction.copy()
+        speeds = [
+            velocity_at(
+                shooting.system, one.start_mode, one.problem.t_span[0], one.problem.x0, p, shooting.jacobian
+            )
+            for one in self.solutions(u, value)
+        ]
+        size = float(speeds[0] @ speeds[0])
+        if size:
+            out[: n * len(speeds)] -= float(speeds[0] @ direction[:n]) / size * np.concatenate(speeds)
+        return out
 
     def at_phase(self, phase: float) -> OrbitProblem:
         """The same equations from another phase of the forcing, in periods, off the surfaces."""
@@ -423,54 +452,6 @@ class OrbitProblem:
         # The solutions do not depend on the phase condition.
         other.shooting, other._equations = self.shooting.at(u, self.p(value), self.solutions(u, value)), None
         return other
-
-
-class FunctionProblem:
-    """Zeros of a function (u, value) -> residual, as many as unknowns; derivatives by differences."""
-
-    kind = "function"
-
-    def __init__(self, function: Callable[[Array, float], Any], start: Any) -> None:
-        self.function = function
-        self.start = np.atleast_1d(np.asarray(start, dtype=float))
-        self.scale = np.maximum(np.abs(self.start), 1.0)
-
-    def residual(self, u: Array, value: float) -> Array:
-        """The function's value, checked."""
-        left = np.atleast_1d(np.asarray(self.function(u, value), dtype=float))
-        if left.shape != u.shape:
-            raise NoConvergenceError(f"the function returned {left.shape}, expected {u.shape} numbers.")
-        if not np.all(np.isfinite(left)):
-            raise NoConvergenceError(f"the function is not finite at {u.tolist()}, {value:.6g}.")
-        return left
-
-    def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
-        """See `BranchProblem`."""
-        z = np.append(u, value)
-        columns = []
-        for j in range(z.size):
-            reach = 6e-6 * max(abs(z[j]), 1e-2)
-            sides = []
-            for side in (1.0, -1.0):
-                moved = z.copy()
-                moved[j] += side * reach
-                sides.append(self.residual(moved[:-1], float(moved[-1])))
-            columns.append((sides[0] - sides[1]) / (2 * reach))
-        return self.residual(u, value), np.array(columns).T
-
-    def point(self, u: Array, value: float) -> BranchPoint:
-        """See `BranchProblem`; stability is that of u' = F(u, value)."""
-        left, matrix = self.evaluate(u, value)
-        values = linalg.eigvals(matrix[:, :-1])
-        data = {f"u{j}": float(v) for j, v in enumerate(u)}
-        return BranchPoint(
-            value, tuple(u.tolist()), data, tuple(complex(v) for v in values), by_eigenvalues(values),
-            residual=float(np.max(np.abs(left))),
-        )  # fmt: skip
-
-    def moved(self, u: Array, value: float) -> FunctionProblem:
-        """See `BranchProblem`."""
-        return self
 
 
 def _told(word: str, solutions: Sequence[Solution], p: Array) -> str:

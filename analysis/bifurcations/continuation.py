@@ -26,19 +26,20 @@ from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.bifurcations.branch_labels import labels_of
 from filippov.analysis.bifurcations.branch_problem import (
     BranchProblem,
-    FunctionProblem,
     MapProblem,
     OrbitProblem,
 )
 from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector, closed_by
-from filippov.analysis.bifurcations.crossing import Crossings
+from filippov.analysis.bifurcations.crossing import Crossings, EndOfWordError
 from filippov.analysis.bifurcations.cycle_end import cycle_end
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
+from filippov.analysis.bifurcations.function_problem import FunctionProblem
 from filippov.analysis.bifurcations.normal_form import described
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.map_units import finer
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import refine
+from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.base.errors import UsageError
 from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
@@ -50,7 +51,11 @@ from filippov.model.system import System
 Array = npt.NDArray[np.float64]
 # Cosine of the angle between two tangents below which a step is halved; no branch closes in fewer steps.
 _STRAIGHT, _FEWEST = 0.9, 3
+# So many iterations of the corrector shorten the next step.
+_SLOW = 6
 _CLOSED = "the branch is closed"
+# Two solutions at one value of the parameter whose coordinates differ by no more than this are one.
+_ONE = 1e-7
 
 
 @keywords()
@@ -214,7 +219,11 @@ class Continuation(Shown):
 
     def at(self, value: float) -> list[BranchPoint]:
         """The solutions of the branch found so far at one value of the parameter, each corrected there."""
-        problem, points, out = self.problem, self.branch.points, []
+        return self._solutions(self.branch.points, value)
+
+    def _solutions(self, points: list[BranchPoint], value: float) -> list[BranchPoint]:
+        """The solutions at a value between neighbours among points, each corrected there."""
+        problem, out = self.problem, list[BranchPoint]()
         corrector = Corrector(problem, self.width)
         for k, (a, b) in enumerate(pairwise(points)):
             inside = min(a.value, b.value) <= value <= max(a.value, b.value) and a.value != b.value
@@ -228,8 +237,9 @@ class Continuation(Shown):
             u, at = np.array(near.u), corrector
             if a.phase == b.phase:
                 u = np.array(a.u) + share * (np.array(b.u) - np.array(a.u))
-            if isinstance(problem, OrbitProblem) and near.phase:
-                at = Corrector(problem.at_phase(near.phase), self.width)
+            if isinstance(problem, OrbitProblem):
+                moved = problem.at_phase(near.phase) if near.phase else problem
+                at = Corrector(moved.moved(np.array(near.u), near.value), self.width)
             if isinstance(problem, EquilibriumProblem) and near.modes[0] != mode_text(problem.mode):
                 at = Corrector(problem.in_mode(near.modes[0], np.array(near.u)), self.width)
             if np.all(np.isfinite(u)):
@@ -336,35 +346,34 @@ class Continuation(Shown):
         self.branch.state["way"] = way
         self._message = ""
         first, passed = self._origin(current, way), 0
+        # The point from which the end of its word was looked for, and the end where one was found.
+        tried: Along | None = None
+        last: Along | None = None
         while True:
             corrector = current.corrector
             near = 1e-12 * self.width
             if not low + near < current.point.value < high - near and self._outward(current):
                 self._message = f"{self.branch.parameter} = {current.point.value:.9g}: bound reached"
                 return
+            ending: Along | None = None
             try:
+                if current is last:
+                    raise NoConvergenceError("the branch ends at the border of its mode word.")
                 following, count = corrector.step(current, step)
             except FAILURES as error:
-                step *= 0.5
-                if step >= self.min_step:
+                ending = crossings.end_of_word(current, step) if current is not tried else None
+                tried = current
+                if ending is None:
+                    step *= 0.5
+                    if step >= self.min_step and current is not last:
+                        continue
+                    points, onwards = self._beyond(crossings, current, error)
+                    yield from points
+                    if onwards is None:
+                        return
+                    current, step = onwards, self.step * 0.1
                     continue
-                jumped = crossings.jump(current) or crossings.reached(current)
-                if jumped is None:
-                    name, note = crossings.blocked(current)
-                    if name:
-                        yield self._described(current, crossings.marked(current, name, note))
-                    self._message = f"no further point at {current.point.value:.9g}: {error}"
-                    return
-                before, (special, current) = current, jumped
-                if not low <= min(special.value, current.point.value) <= max(
-                    special.value, current.point.value
-                ) <= high:
-                    self._message = f"{self.branch.parameter} = {special.value:.9g}: bound reached"
-                    return
-                step = self.step * 0.1
-                yield self._described(before, special)
-                yield current.point
-                continue
+                following, count = ending, _SLOW
             same = following.point.word == current.point.word
             if same and current.tangent @ following.tangent < _STRAIGHT and step > 1e3 * self.min_step:
                 step *= 0.5
@@ -379,11 +388,22 @@ class Continuation(Shown):
                 self._message = f"{shrunk.special} at {shrunk.value:.12g}"
                 yield shrunk
                 return
+            if following.turned() and step > 1e3 * self.min_step:
+                step *= 0.5
+                continue
             try:
                 found, goes_on = crossings.between(current, following, step)
             except FAILURES as error:
-                self._message = f"no further point at {current.point.value:.9g}: {error}"
-                return
+                step *= 0.5
+                if step >= self.min_step and not isinstance(error, EndOfWordError):
+                    continue
+                last = error.last if isinstance(error, EndOfWordError) else current
+                points, onwards = self._beyond(crossings, last, error)
+                yield from points
+                if onwards is None:
+                    return
+                current, step = onwards, self.step * 0.1
+                continue
             if any(not low - near <= point.value <= high + near for point in found) and step > self.min_step:
                 # The branch leaves the bounds and comes back within the step: shorter ones end at the bound.
                 step = max(0.5 * step, self.min_step)
@@ -398,16 +418,51 @@ class Continuation(Shown):
                 yield end
                 return
             current = current.moved()
-            if goes_on is not following:
+            if goes_on is ending:
+                tried, last = current, current if crossings.jump(current) is not None else None
+            elif goes_on is not following:
                 step = max(min(step, self.step) * 0.25, 10 * self.min_step)
             elif count <= 3:
                 room = getattr(current.corrector.problem, "room", lambda u, tangent: 0.0)
                 step = min(1.4 * step, max(self.max_step, room(current.u, current.tangent)))
-            elif count >= 6:
+            elif count >= _SLOW:
                 step *= 0.7
             if closing is not None and goes_on is following:
                 self._message = _CLOSED
                 return
+
+    def _beyond(
+        self, crossings: Crossings, current: Along, error: Exception
+    ) -> tuple[list[BranchPoint], Along | None]:
+        """What follows the last point that has none ahead: special points, and the point to go on from; None
+        where the branch ends, with the reason in the message."""
+        low, high = self.bounds
+        ends = f"no further point at {current.point.value:.9g}: {error}"
+        jumped = crossings.jump(current) or crossings.reached(current)
+        if jumped is None:
+            name, note = crossings.blocked(current)
+            self._message = ends
+            return [self._described(current, crossings.marked(current, name, note))] if name else [], None
+        special, onwards = jumped
+        values = special.value, onwards.point.value
+        if not low <= min(values) <= max(values) <= high:
+            self._message = f"{self.branch.parameter} = {special.value:.9g}: bound reached"
+            return [], None
+        special = self._described(current, special)
+        if self._had(onwards.point):
+            self._message = f"no further point at {special.value:.9g}: beyond it are orbits of this branch"
+            return [special], None
+        return [special, onwards.point], onwards
+
+    def _had(self, point: BranchPoint) -> bool:
+        """Whether the branch has the orbit of a point already."""
+        for pair in pairwise(q for q in self.branch.points if q.word == point.word):
+            try:
+                if any(_alike(q, point) for q in self._solutions(list(pair), point.value)):
+                    return True
+            except FAILURES:
+                continue
+        return False
 
     def _described(self, at: Along, point: BranchPoint) -> BranchPoint:
         """A special point with its normal form."""
@@ -428,3 +483,9 @@ class Continuation(Shown):
         if point is not None:
             self._message = f"{point.special} at {point.value:.12g}"
         return point
+
+
+def _alike(a: BranchPoint, b: BranchPoint) -> bool:
+    """Whether two points of a branch at one value are one solution, in any phase."""
+    pairs = ((v, b.coordinates[name]) for name, v in a.coordinates.items() if name in b.coordinates)
+    return a.word == b.word and all(abs(v - w) < _ONE * (1.0 + abs(v)) for v, w in pairs)

@@ -18,6 +18,8 @@ FAILURES = (SolveError, ArithmeticError, np.linalg.LinAlgError, ModelError)
 _ITERATIONS, _TOLERANCE, _NOISE, _FARTHEST = 12, 1e-9, 1e-6, 0.5
 # Two points of a branch that are no farther apart are one.
 _SAME = 1e-5
+# Least cosine of the angle between an orbit and the normal of its phase condition.
+_FACING = 0.5
 # At this distance the matrix of one point is used for another.
 _CLOSE = 1e-3
 
@@ -51,10 +53,18 @@ class Along:
         if problem is old.problem:
             return self
         corrector = Corrector(problem, old.width)
+        if rephased is None and hasattr(problem, "in_phase"):
+            towards = problem.in_phase(u, value, self.tangent * old.sizes) / old.sizes
         point = self.point
         if rephased is not None:
             point = replace(point, u=tuple(u.tolist()), phase=problem.shooting.phase)
         return replace(self, corrector=corrector, z=z, tangent=corrector.tangent(z, towards), point=point)
+
+    def turned(self) -> bool:
+        """Whether an autonomous orbit passes the plane of its phase condition at a small angle: a smaller
+        cycle would not reach the plane, and the equations turn back there."""
+        facing = getattr(self.corrector.problem, "facing", None)
+        return facing is not None and facing(self.u, self.point.value) < _FACING
 
     def same(self, other: Along) -> bool:
         """Whether this is the same point passed in the same direction."""
@@ -134,9 +144,10 @@ class Corrector:
         change = linalg.solve(np.vstack([self._last[1], normal]), -left)
         if not np.linalg.norm(change) < _TOLERANCE:
             return None
-        found = np.asarray(z + change)
+        word, found = self.word(z), np.asarray(z + change)
         # Next to a grazing orbit the matrix varies like a square root.
-        return found if np.max(np.abs(residual(*self.plain(found)) / rows)) < _TOLERANCE else None
+        close = np.max(np.abs(residual(*self.plain(found)) / rows)) < _TOLERANCE
+        return found if close and self.word(found) == word else None
 
     def correct(self, guess: Array, normal: Array) -> tuple[Array, int]:
         """The solution in the plane through the guess across `normal`, and the number of iterations."""
@@ -145,7 +156,7 @@ class Corrector:
             if (done := self._finished(z, guess, normal)) is not None:
                 return done, count
             residual, matrix = self.equations(z, roughly=True)
-            full = np.vstack([matrix, normal])
+            full, word = np.vstack([matrix, normal]), self.word(z)
             change = linalg.solve(full, -np.append(residual, normal @ (z - guess)))
             size = float(np.linalg.norm(change))
             moved += size
@@ -154,14 +165,16 @@ class Corrector:
             z = z + change
             # Changes that no longer shrink are rounding of the solutions.
             rounding = size < _NOISE and size > 0.1 * last and float(np.max(np.abs(residual))) < _NOISE
-            if size < _TOLERANCE or rounding:
+            # Beyond a non-smooth fold the method goes to and fro between the two words whose branches end
+            # there, by as little as the fold is away: no solution is near.
+            if (size < _TOLERANCE or rounding) and self.word(z) == word:
                 return z, count
             last = size
         raise NoConvergenceError(f"the corrector does not converge (last change {last:.2g}).")
 
     def word(self, z: Array) -> str:
-        """The mode word of the solution z, without what else describes it."""
-        return str(self.problem.word(*self.plain(z)))
+        """The mode word of the solution z, without what else describes it; "" where solutions have none."""
+        return str(self.problem.word(*self.plain(z))) if hasattr(self.problem, "word") else ""
 
     def tangent(self, z: Array, towards: Array | None) -> Array:
         """The direction of the branch, in the sense of `towards`."""

@@ -16,6 +16,7 @@ from filippov.analysis.bifurcations.branch_problem import OrbitProblem
 from filippov.analysis.bifurcations.codim2 import PREFIX, title
 from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem, is_kink
+from filippov.analysis.bifurcations.other_side import GRAZES, ended, off_border, other_sides
 from filippov.analysis.bifurcations.special_points import confirmed, name_of_change
 from filippov.analysis.orbits.margin import nearest_pass
 from filippov.analysis.orbits.shooting import NoConvergenceError
@@ -29,9 +30,26 @@ _SAME = 1e-4
 _MOST_KINKS, _INSIDE = 6, 1e-12
 # Where a field ends at a kink a branch is followed to this distance from it, and then this part of the rest.
 _NEAR, _REST = 1e-6, 1.0 - 1e-6
-# A surface passed at less than this part of the largest distance from it is nearly reached.
-_PASSED = 1e-3
+# Solutions beside a change of the word are no farther apart than this: at a grazing, with the square root of
+# the rest of the bisection.
+_APART = 1e-2
+# An orbit this near to the border, in parts of its extent, is on it.
+_EXACT = 1e-9
+# Ends of two branches that meet are no farther apart.
+_MEETS = 1e-5
+# The end of a branch is looked for up to so many times the distance to the other one's.
+_PAST = 4.0
+# The branch beyond comes from the change: the cosine of the angle between it and the way there.
+_LEADS = 0.5
 _CUSP = PREFIX + "cusp"
+
+
+class EndOfWordError(NoConvergenceError):
+    """A branch ends at the border of its word; `last` is its last point."""
+
+    def __init__(self, message: str, last: Along) -> None:
+        super().__init__(message)
+        self.last = last
 
 
 class Crossings:
@@ -54,7 +72,11 @@ class Crossings:
             changed.remove("branch point")
         for name in changed:
             located = self._meeting(a, b) if name == "branch point" else self._locate(a, name, length)
-            if located is None or not confirmed(name, located[1].point):
+            if located is None:
+                continue
+            if not confirmed(name, located[1].point, a.corrector.problem.kind):
+                if name == "fold":
+                    raise NoConvergenceError("no multiplier is 1 where the equations turn back.")
                 continue
             share, at = located
             if _vanishes(name, a, b, at):
@@ -122,6 +144,12 @@ class Crossings:
     # -- change of the word --------------------------------------------------------------------------------
 
     def _word(self, a: Along, b: Along) -> tuple[list[BranchPoint], Along]:
+        """The change of the word between a and b, and the point to go on from.
+
+        Raises EndOfWordError where the branch of a ends at a border and does not lead to b, and
+        NoConvergenceError where b is on another branch: a non-smooth fold has two on one side, and a step may
+        end on the other.
+        """
         corrector, length = a.corrector, float(a.tangent @ (b.z - a.z))
         low, high = 0.0, 1.0
         known = {0.0: a.z, 1.0: b.z}
@@ -132,13 +160,12 @@ class Crossings:
             middle = 0.5 * (low + high)
             if (high - low) * abs(length) < 1e-12:
                 break
-            try:
-                z, _ = corrector.correct(_between(a, length, known, middle), a.tangent)
-                word = corrector.word(z)
-            except FAILURES:
+            found = self._middle(a, length, known, middle)
+            if found is None:
                 # No solution in this plane: beyond the change.
                 high = middle
                 continue
+            z, word = found
             known[middle] = z
             if word == a.point.word:
                 low = middle
@@ -150,8 +177,61 @@ class Crossings:
                 # away.
                 if (high - low) * abs(length) > _AWAY:
                     away.append(z)
-        name = self._named(_last_along(before, a, a), _last_along(after, a, b))
-        return [name], _last_along(away, a, b)
+        first, last = _last_along(before, a, a), _last_along(after, a, b)
+        onwards = _last_along(away, a, b)
+        if np.linalg.norm(last.z - first.z) < _APART and self._leads(first, onwards):
+            special = self._located(first, last, GRAZES)
+            if special is not None:
+                return [special], onwards
+        text = f"the nearest solution with the word {last.point.word!r} is on another branch."
+        if off_border(corrector.problem, self._named(first, last)) < GRAZES:
+            raise EndOfWordError(text, first)
+        raise NoConvergenceError(text)
+
+    @staticmethod
+    def _leads(first: Along, onwards: Along) -> bool:
+        """Whether the branch through a point comes from the end of another word, as far as rounding tells."""
+        try:
+            farther, _ = onwards.corrector.step(onwards, _AWAY)
+        except FAILURES:
+            return False
+        reach = farther.z - first.z
+        straight = bool(farther.tangent @ reach > _LEADS * np.linalg.norm(reach))
+        return straight and farther.point.word == onwards.point.word
+
+    @staticmethod
+    def _middle(a: Along, length: float, known: dict[float, Array], share: float) -> tuple[Array, str] | None:
+        """A solution at a share of the length and its word, that of a where there is one; None for none."""
+        corrector, found = a.corrector, None
+        low = max(q for q in known if q <= share)
+        for guess in (_between(a, length, known, share), known[low] + (share - low) * length * a.tangent):
+            try:
+                z, _ = corrector.correct(guess, a.tangent)
+                word = corrector.word(z)
+            except FAILURES:
+                continue
+            if word == a.point.word:
+                return z, word
+            found = found or (z, word)
+        return found
+
+    def _located(self, before: Along, after: Along, least: float) -> BranchPoint | None:
+        """The special point between two words, at the end of one branch or of the other, whichever is nearer
+        to the border: where impacts begin, their side is known only to the square root of what is computed.
+
+        None where neither is as near as `least`, or the ends of the branches are apart.
+        """
+        special = self._named(before, after)
+        problem = before.corrector.problem
+        rest = off_border(problem, special)
+        if rest > _EXACT:
+            reach = _PAST * float(np.linalg.norm(after.z - before.z))
+            back = ended(replace(after, tangent=-after.tangent), reach)
+            other = replace(back.point, special=special.special, note=special.note)
+            gap = off_border(problem, other)
+            if gap < rest and np.linalg.norm(back.z - before.z) < _MEETS:
+                special, rest = other, gap
+        return special if rest < least else None
 
     def _named(self, before: Along, after: Along) -> BranchPoint:
         name, note = "change of the mode word", f"{before.point.word} -> {after.point.word}"
@@ -164,27 +244,27 @@ class Crossings:
                 name, note = name_of_change(first, second)
         return replace(before.point, special=name, note=note)
 
+    def end_of_word(self, a: Along, step: float) -> Along | None:
+        """The last point of the branch within a step that failed, where solutions at its end have another
+        word; None where they have not, or the branch goes no farther."""
+        try:
+            changes = a.point.word and a.corrector.word(a.z + step * a.tangent) != a.point.word
+        except FAILURES:
+            return None
+        last = ended(a, step) if changes else a
+        return last if np.linalg.norm(last.z - a.z) > self.min_step else None
+
     def jump(self, a: Along) -> tuple[BranchPoint, Along] | None:
         """Across a change of the word where no solution lies ahead: back in the parameter (a non-smooth
-        fold), or at a small distance on. None where there is none."""
+        fold), or on with another tangent. None where there is none."""
         if not a.point.word:
             return None
-        back = a.tangent.copy()
-        back[-1] = -back[-1]
-        aside = np.zeros_like(back)
-        aside[-1] = float(np.sign(a.tangent[-1]) or 1.0)
-        for direction in (a.tangent, back, -aside, aside):
-            for length in (1e-6, 1e-5, 1e-4, 1e-3, 1e-2):
-                try:
-                    z, _ = a.corrector.correct(a.z + length * direction, direction)
-                    at = a.corrector.along(z, z - a.z)
-                except FAILURES:
-                    continue
-                if at.point.word != a.point.word and np.linalg.norm(z - a.z) < 0.2:
-                    special = self._named(a, at)
-                    turned = at.tangent[-1] * a.tangent[-1] < 0
-                    kind = "non-smooth fold" if turned else "persistence"
-                    return replace(special, note=f"{kind}; {special.note}"), at
+        last = ended(a, self.min_step)
+        for at in other_sides(last):
+            special = self._located(last, at, max(GRAZES, self.min_step))
+            if special is not None:
+                kind = "non-smooth fold" if at.tangent[-1] * a.tangent[-1] < 0 else "persistence"
+                return replace(special, note=f"{kind}; {special.note}"), at
         return None
 
     def blocked(self, a: Along) -> tuple[str, str]:
@@ -196,17 +276,20 @@ class Crossings:
         if not isinstance(problem, OrbitProblem):
             return "", ""
         try:
+            a = ended(a, self.min_step)
             orbit = problem.orbit(*a.corrector.plain(a.z), margins=True)
         except FAILURES:
             return "", ""
         edge = orbit.margin
         share, distance, surface = nearest_pass(orbit.pieces, problem.shooting.jacobian)
-        if share < _PASSED:
+        if share < max(GRAZES, self.min_step):
             return "C-bifurcation", f"surface {surface!r} passed at a distance of {distance:.3g}"
-        if edge.transversality < 1e-2:
+        # The height that is left goes as the square of the speed.
+        if edge.transversality**2 < max(GRAZES, self.min_step):
             event = min(orbit.events, key=lambda e: abs(e.t - edge.transversal_t))
             name = "grazing-sliding" if event.kind == EventKind.ENTRY else "C-bifurcation"
-            return name, f"an event reached with relative speed {edge.transversality:.3g}"
+            speed = f"reached with relative speed {edge.transversality:.3g}"
+            return name, f"surface {event.surface!r} {speed}"
         return "", ""
 
     def marked(self, a: Along, name: str, note: str) -> BranchPoint:

@@ -43,9 +43,14 @@ def cycle_end(a: Along, b: Along, bounds: tuple[float, float]) -> BranchPoint | 
     weight = 1.0 / np.maximum(here + there, 1e-12 * np.max(here + there))
     first, second = first * weight, second * weight
     flips = first @ second < _OPPOSITE * float(np.linalg.norm(first) * np.linalg.norm(second))
-    if len(a.point.modes) == 1 and a.point.modes == b.point.modes:
-        return _hopf(problem, a, b, bounds) if flips else None
     before, after = (float(np.max(part / problem.scale[: len(names)])) for part in (here, there))
+    if len(a.point.modes) == 1 and a.point.modes == b.point.modes:
+        found = _hopf(problem, a, b, bounds) if flips or after < min(before, _TINY) else None
+        # The square of the size falls in proportion to the distance from the end.
+        falls = found is not None and not flips and abs(found.value - b.point.value) < _NEAR * abs(
+            (b.point.value - a.point.value) * after**2 / (before**2 - after**2)
+        )  # fmt: skip
+        return found if flips or falls else None
     changes = flips or a.point.word != b.point.word
     if after < min(before, _TINY) or (changes and before < _SMALL):
         return _boundary(problem, a, b, bounds) or _pseudo_hopf(problem, a, b, bounds)

@@ -18,9 +18,10 @@ import numpy as np
 from filippov.analysis.bifurcations.border_normal_form import TOUCHED, border_form
 from filippov.analysis.bifurcations.boundary_normal_form import boundary
 from filippov.analysis.bifurcations.branch import BranchPoint
-from filippov.analysis.bifurcations.branch_problem import FunctionProblem, MapProblem, OrbitProblem
+from filippov.analysis.bifurcations.branch_problem import MapProblem, OrbitProblem
 from filippov.analysis.bifurcations.corrector import FAILURES
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
+from filippov.analysis.bifurcations.function_problem import FunctionProblem
 from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS
 from filippov.analysis.bifurcations.smooth_normal_form import Form, doubling, fold, hopf, neimark_sacker
 from filippov.base.errors import UsageError

@@ -87,9 +87,15 @@ def _same_cycle(a: Sequence[Any], b: Sequence[Any]) -> bool:
 
 
 # A change of sign counts only where the multipliers at the point found confirm it.
-def confirmed(name: str, point: BranchPoint) -> bool:
-    """Whether the point has the property of its name: a pair on the unit circle, a multiplier at -1, ..."""
+def confirmed(name: str, point: BranchPoint, kind: str) -> bool:
+    """Whether the point has the property of its name: a pair on the unit circle, a multiplier at -1, ...
+
+    kind  of the branch: the equations of an orbit also turn back where its cycle leaves the plane of the
+          phase condition, and no multiplier is 1 there
+    """
     values = np.array(point.multipliers, dtype=complex)
+    if name == "fold" and kind == "orbit" and values.size:
+        return bool(np.any(np.abs(values - 1.0) < 1e-2))
     if name == "Neimark-Sacker":
         return bool(np.any((np.abs(np.abs(values) - 1.0) < 1e-4) & (np.abs(values.imag) > 1e-6)))
     if name == "period doubling":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -68,18 +69,23 @@ def _least(solution: Solution, i: int, side: int) -> Iterator[Tangency]:
             s = part.multipliers(t, x, p)
             return side * part.part(name, t, x, s, p)[:, i, 0]
 
-        inside = sol.start[(sol.start > segment.t0) & (sol.start < segment.t1)]
-        knots = np.concatenate(([segment.t0], inside, [segment.t1]))
-        near = 1e-9 * segment.dwell
-        times = (knots[:-1, None] + np.diff(knots)[:, None] * np.arange(_GRID) / _GRID).ravel()
-        times = np.unique(np.clip(np.append(times, knots[-1]), segment.t0 + near, segment.t1 - near))
-        rates = read("r", times)
-        for k in np.flatnonzero((rates[:-1] < 0) & (rates[1:] >= 0)).tolist():
-            t = float(brentq(
-                lambda t, read=read: float(read("r", np.array([t]))[0]), times[k], times[k + 1], xtol=1e-14
-            ))  # fmt: skip
-            at = np.array([t])
-            yield Tangency(np.atleast_2d(sol(at).T)[0].copy(), t, float(read("h", at)[0]))
+        # A reset turns the state back within its mode: the surface is reached there, not grazed.
+        events = [e.t for e in solution.events if e.x_after is not None]
+        jumps = sorted({t for t in events if segment.t0 < t < segment.t1})
+        for low, high in pairwise([segment.t0, *jumps, segment.t1]):
+            inside = sol.start[(sol.start > low) & (sol.start < high)]
+            knots = np.concatenate(([low], inside, [high]))
+            near = 1e-9 * (high - low)
+            times = (knots[:-1, None] + np.diff(knots)[:, None] * np.arange(_GRID) / _GRID).ravel()
+            times = np.unique(np.clip(np.append(times, knots[-1]), low + near, high - near))
+            rates = read("r", times)
+            for k in np.flatnonzero((rates[:-1] < 0) & (rates[1:] >= 0)).tolist():
+                t = float(brentq(
+                    lambda t, read=read: float(read("r", np.array([t]))[0]), times[k], times[k + 1],
+                    xtol=1e-14,
+                ))  # fmt: skip
+                at = np.array([t])
+                yield Tangency(np.atleast_2d(sol(at).T)[0].copy(), t, float(read("h", at)[0]))
 
 
 def _slow(solution: Solution, i: int, side: int) -> Iterator[Tangency]:

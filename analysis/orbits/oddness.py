@@ -21,15 +21,17 @@ _REACH = (0.3, 1.0, 2.0, 4.0)
 _MANY, _ROUNDING = 256, 1e-12
 # Ticks of clocks agree to this part of the period; of more than so many ticks in it each clock stands alone.
 _AGREE, _TICKS = 1e-9, 2048
-# States at which resets are compared.
+# States at which resets are compared; from where a surface is reached whose h has the opposite sign.
 _RESETS = 6
+_MIRRORED = {"+": "-", "-": "+", "both": "both"}
 
 
 def is_odd(
     system: System, p: Array, size: Array, t0: float, period: float,
     jacobian: Callable[..., Any] | None = None,
 ) -> bool:  # fmt: skip
-    """Whether the field is odd on points up to four times `size` away (n,), taken with a fixed seed.
+    """Whether the field and the resets are odd on points up to four times `size` away (n,), taken with a
+    fixed seed: each reset needs one that does the same on the other side, such as a stop at -1 to one at 1.
 
     A field that is not defined at such a point is left out there.
     """
@@ -42,7 +44,36 @@ def is_odd(
     known = np.all(np.isfinite(here), axis=1) & np.all(np.isfinite(there), axis=1)
     gap = np.abs(here + there)[known]
     scales = np.max(np.abs(here[known]), axis=0, initial=0.0)
-    return bool(np.any(known) and np.all(gap <= 1e-8 * (scales + 1e-300)))
+    if not np.any(known) or not np.all(gap <= 1e-8 * (scales + 1e-300)):
+        return False
+    return _odd_resets(system, p, t, x, 0.5 * period, jacobian)
+
+
+def _odd_resets(
+    system: System, p: Array, t: Array, x: Array, shift: float, jacobian: Callable[..., Any] | None
+) -> bool:
+    """Whether each reset, of a surface or of a clock, has an opposite at -x after the shift."""
+    m = len(system.surfaces)
+    surfaces = [i for i, surface in enumerate(system.surfaces) if surface.reset is not None]
+    clocks = [m + k for k, event in enumerate(system.time_events) if event.reset is not None]
+    if not surfaces and not clocks:
+        return True
+    machine = Machine(system, "DOP853", p)
+    (h, signs), (opposite, turned) = (signs_at(system, *at, p, jacobian) for at in ((t, x), (t + shift, -x)))
+
+    def mirrored(i: int, j: int) -> bool:
+        if i < m:
+            same = _alike(h[:, [i]], opposite[:, [j]])
+            if not same and not _alike(h[:, [i]], -opposite[:, [j]]):
+                return False
+            side = system.surfaces[i].side
+            if system.surfaces[j].side != (side if same else _MIRRORED[side]):
+                return False
+        some = slice(None, None, len(t) // _RESETS)
+        here = _reset_to(machine, i, t[some], x[some], signs[some])
+        return _alike(here, -_reset_to(machine, j, t[some] + shift, -x[some], turned[some]))
+
+    return all(any(mirrored(i, j) for j in group) for group in (surfaces, clocks) for i in group)
 
 
 def _field(
