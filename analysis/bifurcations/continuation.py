@@ -394,6 +394,9 @@ class Continuation(Shown):
             try:
                 found, goes_on = crossings.between(current, following, step)
             except FAILURES as error:
+                if not isinstance(corrector.problem, OrbitProblem):
+                    self._message = f"no further point at {current.point.value:.9g}: {error}"
+                    return
                 step *= 0.5
                 if step >= self.min_step and not isinstance(error, EndOfWordError):
                     continue

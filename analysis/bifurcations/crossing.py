@@ -247,8 +247,10 @@ class Crossings:
     def end_of_word(self, a: Along, step: float) -> Along | None:
         """The last point of the branch within a step that failed, where solutions at its end have another
         word; None where they have not, or the branch goes no farther."""
+        if not isinstance(a.corrector.problem, OrbitProblem):
+            return None
         try:
-            changes = a.point.word and a.corrector.word(a.z + step * a.tangent) != a.point.word
+            changes = a.corrector.word(a.z + step * a.tangent) != a.point.word
         except FAILURES:
             return None
         last = ended(a, step) if changes else a
@@ -257,7 +259,7 @@ class Crossings:
     def jump(self, a: Along) -> tuple[BranchPoint, Along] | None:
         """Across a change of the word where no solution lies ahead: back in the parameter (a non-smooth
         fold), or on with another tangent. None where there is none."""
-        if not a.point.word:
+        if not isinstance(a.corrector.problem, OrbitProblem):
             return None
         last = ended(a, self.min_step)
         for at in other_sides(last):

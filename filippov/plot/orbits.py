@@ -6,16 +6,23 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known, unknown
 from filippov.base.status import mode_text
+from filippov.plot.pieces import pieces_of
 from filippov.plot.results import result_of
 from filippov.plot.style import BLUE, GREY, INK, MARKS, ORANGE, axis_label, new_figure, panel_label, style
+from filippov.solving.segments import Segment
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+Array = npt.NDArray[np.float64]
+# Samples over a period.
+_POINTS = 1000
 
 
 @keywords(first=result_of("find_orbit", "system", "pieces", "period", "word"))
@@ -55,8 +62,8 @@ def plot_orbit(
             panels.append(below)
         left = drawn.add_subplot(grid[:, 0]) if len(pair) == 2 else None
         for piece in orbit.pieces:
-            for segment in piece.segments:
-                _segment(piece, segment, names, pair, shown, left, panels)
+            for segment, t, x in pieces_of(piece, _POINTS):
+                _segment(segment, t, dict(zip(names, x, strict=True)), pair, shown, left, panels)
         kinds: set[str] = set()
         for event in (event for piece in orbit.pieces for event in piece.events):
             mark, colour = MARKS.get(event.kind, ("|", GREY))
@@ -81,13 +88,10 @@ def plot_orbit(
 
 
 def _segment(
-    solution: Any, segment: Any, names: Sequence[str], pair: Sequence[str], shown: Sequence[str], left: Any,
+    segment: Segment, t: Array, x: Mapping[str, Array], pair: Sequence[str], shown: Sequence[str], left: Any,
     panels: Sequence[Any],
 ) -> None:  # fmt: skip
-    """Draw one segment of one mode."""
-    t = np.linspace(segment.t0, segment.t1, 200)
-    inside = np.clip(t, segment.t0 + 1e-12 * segment.dwell, segment.t1 - 1e-12 * segment.dwell)
-    x = dict(zip(names, solution.sol(inside), strict=True))
+    """Draw one segment of one mode; a reset within it is a jump."""
     colour = ORANGE if "0" in mode_text(segment.mode) else BLUE
     if left is not None:
         left.plot(x[pair[0]], x[pair[1]], color=colour)
