@@ -329,7 +329,11 @@ class Together:
             return self._reset(events)
         for event in events:
             if event.kind is EventKind.ENTRY and self.system.surfaces[event.index].kind == "reset":
-                raise self.refused(f"impacts accumulate on {event.surface!r}; that is not differentiated")
+                raise self.refused(
+                    f"impacts accumulate on {event.surface!r}; that is not differentiated. Begin at an orbit "
+                    "whose impacts do not accumulate; a cycle on which they do, if it attracts, is where "
+                    "solve(system, x0, t_span, zeno='continue') ends after many periods"
+                )
         switching = [
             e
             for e in events
