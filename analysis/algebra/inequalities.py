@@ -11,6 +11,7 @@ import sympy
 from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, StrictLessThan, Unequality
 
 from filippov.analysis.algebra.budget import Clock
+from filippov.analysis.algebra.generators import Generators, factor_list
 from filippov.analysis.algebra.polynomial import exact, sign_of_number
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
@@ -79,6 +80,8 @@ class KnownSigns:
         if expression.is_Add and len(expression.args) > 200:
             return None
         told = expression.xreplace(self.symbols)
+        if isinstance(told, sympy.exp):
+            return 1  # sympy leaves open whether a quotient in its exponent is real
         if told.is_positive or told.is_negative or told.is_zero:
             return 0 if told.is_zero else (1 if told.is_positive else -1)
         return None
@@ -152,9 +155,9 @@ def _factors(expression: sympy.Expr) -> tuple[sympy.Expr, list[tuple[sympy.Expr,
         if base.is_number:
             constant *= base**power
         elif base.is_Add and len(base.args) <= MOST_TERMS_FACTORED:
-            number, inner = sympy.factor_list(base)
+            number, inner = factor_list(base)
             constant *= number**power
-            parts += [(f, m * abs(int(power))) for f, m in inner]
+            parts += [(f, abs(m * int(power))) for f, m in inner]
         else:
             parts.append((base, abs(int(power))))
     merged: dict[sympy.Expr, int] = {}
@@ -263,19 +266,58 @@ def _between(low: sympy.Expr, high: sympy.Expr) -> sympy.Rational:
         digits *= 2
 
 
-def solve_linear(condition: Any, x: sympy.Symbol, known: KnownSigns) -> Any:
-    """An inequality solved for x where it is linear in x with a coefficient of known sign; else unchanged."""
+def solve_simple(condition: Any, x: sympy.Symbol, known: KnownSigns) -> Any:
+    """An inequality solved for x, linear in x or in one exponential of it, where the signs of the factors are
+    known; else unchanged.
+    """
     side = _positive_side(condition)
     if side is None or not side.has(x):
         return condition
-    numerator, denominator = sympy.fraction(sympy.together(side))
-    sign = known.sign(denominator)
-    if sign is None or not numerator.is_polynomial(x) or sympy.Poly(numerator, x).degree() != 1:
+    generators = Generators([side])
+    with_x = [dummy for dummy, e in generators.back.items() if e.has(x)]
+    if not with_x:
+        linear = _linear(side, x, known)
+        return condition if linear is None else _bounded(x, *linear)
+    exponential = generators.back[with_x[0]]
+    rest = generators.plain[0]
+    if len(with_x) > 1 or rest.has(x) or not isinstance(exponential, sympy.exp):
         return condition
-    c1, c0 = sympy.Poly(numerator, x).all_coeffs()
-    slope = known.sign(c1)
-    if not slope:
+    linear = _linear(rest, with_x[0], known, generators.back)
+    if linear is None:
         return condition
-    bound = sympy.expand(-c0 / c1)
-    return x > bound if slope * sign > 0 else x < bound
+    bound, above = sympy.together(linear[0]), linear[1]
+    sign = known.sign(bound)
+    if sign in {-1, 0}:  # below every exponential
+        return sympy.true if above else sympy.false
+    beyond = _linear(exponential.exp - sympy.log(bound), x, known)
+    if beyond is None:
+        return condition
+    solved = _bounded(x, beyond[0], beyond[1] == above)
+    if sign == 1:
+        return solved
+    # A bound that is not positive has no logarithm.
+    numerator, denominator = sympy.fraction(bound)
+    side = numerator * (known.sign(denominator) or denominator)
+    inside = sympy.StrictGreaterThan(side, 0, evaluate=False)
+    solved = sympy.And(inside, solved, evaluate=False)
+    return sympy.Or(sympy.LessThan(side, 0, evaluate=False), solved, evaluate=False) if above else solved
 
+
+def _bounded(x: sympy.Symbol, bound: sympy.Expr, above: bool) -> Any:
+    return x > bound if above else x < bound
+
+
+def _linear(
+    side: sympy.Expr,
+    x: sympy.Symbol,
+    known: KnownSigns,
+    back: Mapping[sympy.Symbol, sympy.Expr] | None = None,
+) -> tuple[sympy.Expr, bool] | None:
+    """(bound, above) where side > 0 iff x > bound, or x < bound; None where it is not linear in x."""
+    numerator, denominator = sympy.fraction(sympy.together(side))
+    sign = known.sign(denominator.xreplace(back or {}))
+    if sign is None or not numerator.is_polynomial(x) or sympy.Poly(numerator, x).degree() != 1:
+        return None
+    c1, c0 = (c.xreplace(back or {}) for c in sympy.Poly(numerator, x).all_coeffs())
+    slope = known.sign(c1)
+    return (sympy.expand(-c0 / c1), slope * sign > 0) if slope else None

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import sympy
@@ -82,32 +83,54 @@ def _shortened(e: Expr) -> Expr:
 
 
 def _number(q: sympy.Rational, decimals: bool) -> Expr:
+    if decimals and _ends(q):
+        digits = len(str(abs(q.p) * 10 ** len(str(q.q)) // q.q))
+        return sympy.Float(q, max(digits, 15))
+    return sympy.Float(q, LONGEST) if _is_long(q) else q
+
+
+def _ends(q: sympy.Rational) -> bool:
+    """Whether its decimals end."""
     rest = q.q
     for prime in (2, 5):
         while rest % prime == 0:
             rest //= prime
-    if decimals and rest == 1:
-        digits = len(str(abs(q.p) * 10 ** len(str(q.q)) // q.q))
-        return sympy.Float(q, max(digits, 15))
-    if max(len(str(abs(q.p))), len(str(q.q))) > LONGEST:
-        return sympy.Float(q, LONGEST)
-    return q
+    return bool(rest == 1)
 
 
-def plain(decimals: bool) -> Formula:
+def _is_long(q: sympy.Rational) -> bool:
+    return max(len(str(abs(q.p))), len(str(q.q))) > LONGEST
+
+
+@dataclass(frozen=True)
+class Printer:
+    """How formulas are printed: as plain text, or as LaTeX without dollar signs."""
+
+    decimals: bool
+    tex: bool
+
+    def __call__(self, expression: Any) -> str:
+        """The text of one."""
+        shown = written(abridged(expression), self.decimals)
+        if not self.tex:
+            return str(sympy.sstr(shown, full_prec=False))
+        names = {q: tex_name(str(q)) for q in getattr(shown, "free_symbols", ())}
+        return str(latex(shown, symbol_names=names, full_prec=False))
+
+    def rounds(self, expression: Any) -> bool:
+        """Whether a fraction in it is given to 10 digits."""
+        fractions = [q for q in _shortened(abridged(expression)).atoms(sympy.Rational) if not q.is_Integer]
+        return any(_is_long(q) and not (self.decimals and _ends(q)) for q in fractions)
+
+
+def plain(decimals: bool) -> Printer:
     """The printer of plain text."""
-    return lambda e: sympy.sstr(written(abridged(e), decimals), full_prec=False)
+    return Printer(decimals, tex=False)
 
 
-def tex(decimals: bool) -> Formula:
+def tex(decimals: bool) -> Printer:
     """The printer of LaTeX, without dollar signs."""
-
-    def formula(e: Any) -> str:
-        e = written(abridged(e), decimals)
-        names = {q: tex_name(str(q)) for q in getattr(e, "free_symbols", ())}
-        return str(latex(e, symbol_names=names, full_prec=False))
-
-    return formula
+    return Printer(decimals, tex=True)
 
 
 def tex_name(name: str) -> str:
@@ -135,4 +158,3 @@ def tex_name(name: str) -> str:
 
 def _roman(text: str) -> str:
     return text.replace("_", r"\_")
-

@@ -16,6 +16,7 @@ import sympy
 from sympy.polys.fields import field as rational_functions
 
 from filippov.analysis.algebra.budget import Clock, OutOfBudgetError
+from filippov.analysis.algebra.generators import Generators
 from filippov.analysis.algebra.polynomial import SYMBOL, sign_of_number
 
 
@@ -25,6 +26,8 @@ class Infinitesimal(sympy.Symbol):
     __slots__ = ()
 
 
+# Million calls for the cancellation of one long entry.
+CANCELLING = 0.5
 EPSILON = Infinitesimal("epsilon", positive=True)
 
 
@@ -42,14 +45,13 @@ class Ring:
 
     def __init__(self, coefficients: tuple[sympy.Expr, ...], clock: Clock) -> None:
         self.clock = clock
-        self.atoms: dict[sympy.Expr, sympy.Dummy] = {}
         clock.check(sum(_size(c) for c in coefficients))
-        plain = [self._plain(c) for c in coefficients]
+        generators = Generators(coefficients)
+        plain, self.back = generators.plain, generators.back
         free: set[sympy.Symbol] = set().union(*(c.free_symbols for c in plain))
         symbols = sorted(free, key=lambda x: (x.name, str(x.sort_key())))
         self.fractions = rational_functions([*symbols, EPSILON], sympy.QQ)[0]
         self.ring = self.fractions.ring
-        self.back = {dummy: atom for atom, dummy in self.atoms.items()}
         elements = [self.fractions.from_expr(c) for c in plain]
         self.denominator = self.ring.one
         for element in elements:
@@ -57,13 +59,6 @@ class Ring:
             self.denominator = self.denominator.lcm(element.denom)
         self.coefficients = [e.numer * self.denominator.exquo(e.denom) for e in elements]
         self.epsilon = self.ring.gens[-1]
-
-    def _plain(self, expression: sympy.Expr) -> sympy.Expr:
-        if expression.is_Rational or expression.is_Symbol:
-            return expression
-        if expression.is_Add or expression.is_Mul or (expression.is_Pow and expression.exp.is_Integer):
-            return expression.func(*(self._plain(a) for a in expression.args))
-        return self.atoms.setdefault(expression, sympy.Dummy(f"a{len(self.atoms)}", real=True))
 
     def expression(self, element: Any) -> sympy.Expr:
         """Return a ring element as an expression in the parameters."""
@@ -81,10 +76,16 @@ class Ring:
         return bool(expression.is_zero or (len(element) < 50 and expression.equals(0)))
 
     def quotient(self, numerator: Any, denominator: Any) -> sympy.Expr:
-        """Numerator / denominator, cancelled where that is cheap."""
-        if len(numerator) * len(denominator) > 5_000:
+        """Numerator / denominator, cancelled where that can be done with a part of the work."""
+
+        def cancelled() -> Any:
+            return self.fractions(numerator) / self.fractions(denominator)
+
+        try:
+            small = len(numerator) * len(denominator) <= 5_000
+            fraction = cancelled() if small else self.clock.within(cancelled, CANCELLING)
+        except OutOfBudgetError:
             return self.expression(numerator) / self.expression(denominator)
-        fraction = self.fractions(numerator) / self.fractions(denominator)
         return self.expression(fraction.numer) / self.expression(fraction.denom)
 
 
@@ -109,9 +110,7 @@ class RouthArray:
         return tuple(row[0] for row in self.rows)
 
 
-def routh_array(
-    coefficients: tuple[sympy.Expr, ...], clock: Clock, s: sympy.Symbol = SYMBOL
-) -> RouthArray:
+def routh_array(coefficients: tuple[sympy.Expr, ...], clock: Clock, s: sympy.Symbol = SYMBOL) -> RouthArray:
     """Return the array of a_0 s^n + ... + a_n, its special cases resolved and listed.
 
     A zero pivot in a row that is not zero is replaced by epsilon, which stands for a positive number smaller
@@ -159,7 +158,16 @@ def _fill(result: RouthArray, ring: Ring, n: int, clock: Clock, s: sympy.Symbol)
         scale.append(row_scale)
         if not result.special:
             result.minors.append(row[0])
-        result.rows.append(tuple(ring.quotient(x, row_scale) for x in row))
+        entries = tuple(ring.quotient(x, row_scale) for x in row[: _own(result, b, k, power)])
+        # What the row above has nothing under is carried on from two rows above.
+        result.rows.append(entries if k < 2 else (*entries, *result.rows[k - 2][len(entries) + 1 :]))
+
+
+def _own(result: RouthArray, b: list[list[Any]], k: int, power: int) -> int | None:
+    """How many entries of the row k are not those of two rows above; None for all."""
+    if k < 2 or (result.special and result.special[-1].power == power):
+        return None
+    return len(b[k - 1]) - 1
 
 
 def _next_row(b: list[list[Any]], k: int, base: int, clock: Clock) -> list[Any]:

@@ -15,10 +15,11 @@ from sympy.logic.boolalg import Boolean
 
 from filippov.analysis.algebra import routh_text
 from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
+from filippov.analysis.algebra.generators import factor_list
 from filippov.analysis.algebra.inequalities import (
     KnownSigns,
     positive_when,
-    solve_linear,
+    solve_simple,
     solve_univariate,
     substitution,
     without_redundant,
@@ -58,9 +59,10 @@ class RouthHurwitz(RouthResult, Shown):
 
         With numbers for all other parameters (`values`) the result is the whole set, values included where
         the degree drops and the reduced polynomial is stable; `as_set` gives it as a sympy set. With other
-        parameters left, each condition that is linear in the symbol with a coefficient of known sign (see
-        `assume`) is solved, and the others stay as they are. Raises UsageError for an unknown name, for
-        `as_set` where the result is no set, and where the budget ended the analysis.
+        parameters left, each condition that is linear in the symbol, or in one exponential of it, with a
+        coefficient of known sign (see `assume`) is solved, and the others stay as they are. Raises
+        UsageError for an unknown name, for `as_set` where the result is no set, and where the budget ended
+        the analysis.
         """
         (x,) = substitution({symbol: 0}, self.symbols)
         routh = self.at(values) if values else self
@@ -75,7 +77,7 @@ class RouthHurwitz(RouthResult, Shown):
             left = left or "non-rational terms"
             raise UsageError(f"{x} has no set of its own while {left} stay; give values for them")
         known = KnownSigns((*routh.assume, *(c for c in routh.conditions if not c.has(x))))
-        return sympy.And(*(solve_linear(c, x, known) for c in routh.conditions))
+        return sympy.And(*(solve_simple(c, x, known) for c in routh.conditions))
 
     @counted
     def _solve_univariate(self, x: sympy.Symbol) -> sympy.Set | None:
@@ -215,7 +217,7 @@ def _conditions(
 def _factor_set(expression: sympy.Expr) -> frozenset[Any]:
     if expression.is_number:
         return frozenset()
-    return frozenset(factor for factor, _ in sympy.factor_list(expression)[1])
+    return frozenset(factor for factor, _ in factor_list(expression)[1])
 
 
 def _cases(

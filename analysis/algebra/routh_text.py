@@ -8,6 +8,7 @@ from typing import Any
 
 import sympy
 
+from filippov.analysis.algebra.number_text import LONGEST, Printer
 from filippov.analysis.algebra.routh_array import Special
 from filippov.analysis.algebra.routh_result import RouthResult
 
@@ -45,7 +46,7 @@ def markdown(result: RouthResult, tex: Formula = sympy.latex) -> str:
     for k, row in enumerate(result.array):
         cells = [_dollars(tex)(x) for x in row] + [""] * (width - len(row))
         lines.append(f"| ${tex(result.s)}^{{{result.degree - k}}}$ | " + " | ".join(cells) + " |")
-    lines += ["", *(f"- {line}" for line in _sentences(result, _dollars(tex), True))]
+    lines += ["", *(f"- {line}" for line in _sentences(result, tex, True))]
     for case in result.cases:
         head = f"Case {_dollars(tex)(case.condition)}:"
         reduced = case.reduced
@@ -64,7 +65,7 @@ def latex(result: RouthResult, tex: Formula = sympy.latex) -> str:
     parts = [
         f"$p({tex(result.s)}) = {_polynomial(result, tex, ' ')}$",
         f"\\[\n\\begin{{array}}{{c|{'c' * width}}}\n{body}\n\\end{{array}}\n\\]",
-        *_sentences(result, _dollars(tex), True),
+        *_sentences(result, tex, True),
     ]
     for case in result.cases:
         head = f"Case {_dollars(tex)(case.condition)}:"
@@ -128,15 +129,29 @@ def _polynomial(result: RouthResult, formula: Formula, times: str) -> str:
         power = result.degree - k
         if c == 0:
             continue
-        head = f"({formula(c)})" if c.is_Add else formula(c)
+        head = formula(c)
+        # Printing multiplies a number into a sum.
+        head = f"({head})" if c.is_Add or _is_sum(head) else head
         tail = formula(result.s**power)
         joined = head if power == 0 else tail if c == 1 else f"{head}{times}{tail}"
         terms.append(f" - {joined[1:]}" if joined.startswith("-") and terms else f" + {joined}")
     return "".join(terms).removeprefix(" + ")
 
 
+def _is_sum(text: str) -> bool:
+    """Whether a plus or minus stands in it outside parentheses, beside a sign in front."""
+    depth = 0
+    for at, c in enumerate(text):
+        depth += (c in "({") - (c in ")}")
+        if c in "+-" and not depth and text[:at].endswith(" "):
+            return True
+    return False
+
+
 def _sentences(result: RouthResult, formula: Formula, tex: bool) -> list[str]:
     """What was found in the array and what follows from it, one sentence an item."""
+    digits = _digits(result.conditions, formula)
+    formula = _dollars(formula) if tex else formula
     lines = [_found(special, result.s, formula) for special in result.special]
     counts, conditions = result.counts, result.conditions
     if counts is not None:
@@ -150,12 +165,18 @@ def _sentences(result: RouthResult, formula: Formula, tex: bool) -> list[str]:
     elif conditions == (sympy.false,):
         lines.append("asymptotically stable for no values")
     else:
-        relations = " and ".join(_relation(c, formula, tex) for c in conditions)
+        relations = " and ".join(_relation(c, formula, tex) for c in conditions) + digits
         if result.message:
             lines.append(f"necessary for asymptotic stability: {relations}")
         else:
             lines.append(f"asymptotically stable if and only if {relations}")
     return [*lines, result.message] if result.message else lines
+
+
+def _digits(conditions: tuple[Any, ...], formula: Formula) -> str:
+    """What is said where the numbers of a condition are not printed as they are."""
+    rounded = isinstance(formula, Printer) and any(map(formula.rounds, conditions))
+    return f" (numbers to {LONGEST} digits)" if rounded else ""
 
 
 def _found(special: Special, s: sympy.Symbol, formula: Formula) -> str:

@@ -271,7 +271,24 @@ def _whole(context: Context, item: EquilibriumStability, t: float | None) -> Equ
     """The analysis with time and clocks, and with a certificate where these leave it undecided."""
     moved = with_time(context, item, t)
     frozen = t is not None and depends_on_time(context.system)
-    return moved if frozen else decided(context, item, moved)
+    found = moved if frozen else decided(context, item, moved)
+    if context.symbol is None or found.solved is not None or any(c.solved is not None for c in found.cases):
+        return found
+    return replace(found, statements=(*found.statements, Statement(_unsolved(context, found))))
+
+
+def _unsolved(context: Context, item: EquilibriumStability) -> str:
+    """Why the conditions of an equilibrium are not solved for the parameter that was asked for."""
+    symbol, where = context.symbol, [r for r in (item.routh, *(c.routh for c in item.cases)) if r is not None]
+    if symbol in context.put:
+        why = f"the equilibrium exists at {symbol} = {context.put[symbol]} only"
+    elif not where:
+        why = "there are no Routh-Hurwitz conditions here"
+    elif not any(symbol in r.symbols for r in where):
+        why = f"{symbol} does not occur in the characteristic polynomial"
+    else:
+        why = next((r.message for r in where if r.message), "the budget ended before the conditions")
+    return f"not solved for {symbol}: {why}"
 
 
 def _item(

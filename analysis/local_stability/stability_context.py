@@ -86,34 +86,14 @@ class Context:
         return bool(abs(self.number(expression, more)) < SMALL) and bool(sympy.simplify(expression) == 0)
 
     def routh(self, polynomial: Sequence[Expr] | None) -> RouthHurwitz | None:
-        """The Routh-Hurwitz analysis in formulas; None for a constant.
-
-        Parameters in exponents and functions are replaced by their values, to 8 digits, where sympy cannot
-        factor with them.
-        """
+        """The Routh-Hurwitz analysis in formulas; None for a constant."""
         if polynomial is None or len(polynomial) < 2 or any(c.has(symbols.t) for c in polynomial):
             return None
-        for given in (polynomial, [self._rational(c) for c in polynomial]):
-            try:
-                left = min(10.0, self.clock.remaining())
-                return routh_hurwitz(given, EIGENVALUE, assume=self.assume, budget=left)
-            except UsageError:
-                return None
-            except sympy.PolynomialError:
-                continue
-        return None
-
-    def _rational(self, coefficient: Expr) -> Expr:
-        """A coefficient with the values put for parameters that it holds in exponents and functions."""
-        parts = coefficient.atoms(sympy.Function) | {
-            q for q in coefficient.atoms(sympy.Pow) if not q.exp.is_Integer
-        }
-        inside = set().union(*(q.free_symbols for q in parts))
-        put = {q: value for q, value in self.values.items() if q in inside}
-        if not parts:
-            return coefficient
-        rounded = coefficient.subs(put).evalf(12)
-        return rounded.xreplace({q: sympy.Rational(f"{float(q):.8g}") for q in rounded.atoms(sympy.Float)})
+        try:
+            left = min(10.0, self.clock.remaining())
+            return routh_hurwitz(polynomial, EIGENVALUE, assume=self.assume, budget=left)
+        except (UsageError, sympy.PolynomialError):
+            return None
 
     def verdict(
         self, polynomial: Sequence[Expr], more: Mapping[Symbol, Expr] | None = None

@@ -40,9 +40,11 @@ def _plain(expression: Any, formula: Formula = str) -> str:
         return f"{formula(expression.lhs)} = {formula(expression.rhs)}"
     if isinstance(expression, Relational) and expression.lhs.is_number:
         return formula(expression.reversed)
-    if isinstance(expression, sympy.And):
+    if isinstance(expression, sympy.And | sympy.Or):
         ordered = sorted(expression.args, key=str)
-        return " and ".join(_plain(a, formula) for a in ordered)
+        parts = [_plain(a, formula) for a in ordered]
+        parts = [f"({q})" if isinstance(a, sympy.And) else q for a, q in zip(ordered, parts, strict=True)]
+        return (" and " if isinstance(expression, sympy.And) else " or ").join(parts)
     return formula(expression)
 
 
@@ -266,12 +268,29 @@ def _solved(solved: Solved, style: Style) -> list[str]:
         f"Routh-Hurwitz solved for {symbol}: {style.formula(solved.formula)}",
         f"with the other parameters at their values: {style.formula(solved.numeric)}",
     ]
+    ends = {q for q in _ends_of(solved.numeric, solved.symbol) if q.atoms(sympy.Function)}
+    lines += [f"{style.formula(q)} = {float(q):.10g}" for q in sorted(ends, key=str)]
+    if _stands(solved.formula, solved.symbol) or _stands(solved.numeric, solved.symbol):
+        text = f"a condition neither linear in {symbol} nor in one exponential of it is left as it stands"
+        lines.append(text)
     if solved.threshold:
         found = ", ".join(f"{v:.10g}" for v in solved.threshold)
         lines.append(
             f"the set itself changes stability at {symbol} = {found} (return map of the linearised inclusion)"
         )
     return lines
+
+
+def _ends_of(condition: Any, symbol: sympy.Symbol) -> set[Any]:
+    """The numbers between which it says that the symbol lies."""
+    parts = condition.atoms(Relational) if isinstance(condition, sympy.Basic) else ()
+    return {q for r in parts if symbol in (r.lhs, r.rhs) for q in (r.lhs, r.rhs) if q.is_number}
+
+
+def _stands(condition: Any, symbol: sympy.Symbol) -> bool:
+    """Whether an inequality in it holds the symbol and is not solved for it."""
+    parts = condition.atoms(Relational) if isinstance(condition, sympy.Basic) else ()
+    return any(r.has(symbol) and symbol not in (r.lhs, r.rhs) for r in parts)
 
 
 def _statement(statement: Statement, style: Style) -> str:
