@@ -104,9 +104,9 @@ def spots(context: Context, found: EquilibriumSet) -> list[dict[sympy.Symbol, Ex
     values = {**context.values, **context.put}
     held = [sympy.lambdify(list(found.free), (c.gts - c.lts).subs(values)) for c in found.conditions]
     middle = np.array(found.inner)
-    ways = [way for way in itertools.product((-1.0, 0.0, 1.0), repeat=found.dimension) if any(way)]
+    every = itertools.product((-1.0, 0.0, 1.0), repeat=found.dimension)
     out = [middle]
-    for way in ways[:MOST_WAYS]:
+    for way in itertools.islice((way for way in every if any(way)), MOST_WAYS):
         reach = FARTHEST
         while reach > NEAR and not all(g(*(middle + reach * np.array(way))) >= 0 for g in held):
             reach *= 0.8

@@ -102,21 +102,43 @@ def attraction(
     free: Mapping[Symbol, Expr],
 ) -> tuple[list[Statement], Answer]:
     """Whether the surfaces attract: "stable", "unstable" or "undecided", with the reasons."""
-    normal = context.numbers(sliding.normal, free)
-    if normal.shape == (1, 1):
+    if sliding.normal.shape == (1, 1):
         rate = sliding.normal[0, 0]
-        head = f"d(dh/dt)/ds = {rate} = {normal[0, 0]:.6g}"
-        if normal[0, 0] < 0:
+        normal = context.number(rate, free)
+        head = f"d(dh/dt)/ds = {rate} = {normal:.6g}"
+        if normal < 0:
             return [Statement(f"{head} < 0: the surface attracts from both sides", PSEUDO)], "stable"
-        if normal[0, 0] > 0:
+        if normal > 0:
             text = f"{head} > 0: the surface repels, solutions leave it at once on either side"
             return [Statement(text, PSEUDO)], "unstable"
         return [Statement(f"{head}: attraction is not decided by first derivatives")], "undecided"
-    if _nodal(context, mode, [e.subs(free) for e in x]):
+    if _nodal(context, mode, [sympy.S(e).xreplace(dict(free)) for e in x]):
         text = "every field beside the surfaces points towards all of them: their intersection attracts"
         return [Statement(text, PSEUDO)], "stable"
-    text = f"{len(normal)} surfaces meet, not all fields point towards all of them: attraction is not decided"
+    k = sliding.normal.rows
+    text = f"{k} surfaces meet, not all fields point towards all of them: attraction is not decided"
     return [Statement(text, "the intersection may attract by spirals: Dieci & Lopez 2012")], "undecided"
+
+
+def _largest(
+    context: Context, mode: str, on: Sequence[int], place: Mapping[Symbol, Expr]
+) -> list[float] | None:
+    """The largest sigma_i dh_i/dt beside a point, where the rates are affine in the signs; else None.
+
+    c_i + sum b_ij sigma_j times sigma_i is at most |c_i| + b_ii + the sum of the other |b_ij|.
+    """
+    form, s = context.form, [context.form.s[i] for i in on]
+    if any(context.system.surfaces[i].kind != "switching" or form.h[i].has(*form.a) for i in on):
+        return None
+    out, rates = [], form.rates(mode)
+    for i, own in zip(on, s, strict=True):
+        rate = at_rest(sympy.S(rates[i]).subs(context.put).xreplace(place))
+        if not rate.is_polynomial(*s) or (affine := sympy.Poly(rate, *s)).total_degree() > 1:
+            return None
+        terms = {m: context.number(c) for m, c in affine.terms()}
+        (alone,) = sympy.Poly(own, *s).monoms()
+        out.append(terms.pop(alone, 0.0) + sum(map(abs, terms.values())))
+    return out
 
 
 def _nodal(context: Context, mode: str, x: Sequence[Expr]) -> bool:
@@ -125,7 +147,11 @@ def _nodal(context: Context, mode: str, x: Sequence[Expr]) -> bool:
     signs = form.signs(mode)
     on = [i for i, m in enumerate(signs) if m == 0]
     place = dict(zip(form.x, x, strict=True))
+    largest = _largest(context, mode, on, place)
+    if largest is not None:
+        return all(rate < -1e-12 for rate in largest)
     for choice in itertools.product((1, -1), repeat=len(on)):
+        context.clock.check()
         beside = dict(zip(on, choice, strict=True))
         rates = form.rates([beside.get(i, m) for i, m in enumerate(signs)])
         for i in on:

@@ -23,7 +23,7 @@ from filippov.analysis.steady.clocks import after, mover
 from filippov.analysis.steady.equilibria_numeric import NumericMode, numeric_equilibria
 from filippov.analysis.steady.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet, Missing
 from filippov.analysis.steady.existence import FAR, Existence, ModeProblem
-from filippov.analysis.steady.mode_order import existing_modes
+from filippov.analysis.steady.mode_order import at_rest_only, existing_modes
 from filippov.analysis.steady.stops import with_stops
 from filippov.analysis.steady.time_signs import (
     SOON,
@@ -41,6 +41,8 @@ from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
 
 MOST_MODES = 243
+# Up to so many are searched without asking which can hold an equilibrium.
+FEW_MODES = 27
 FORMULAS = 3.0  # seconds a mode, before it is searched numerically
 
 
@@ -157,6 +159,9 @@ def _modes(system: System, modes: Sequence[str] | None) -> tuple[list[str], list
         return list(dict.fromkeys(modes)), []
     options = mode_options(system)
     every = list(itertools.islice(existing_modes(system, options), MOST_MODES + 1))
+    if len(every) > FEW_MODES:
+        options = at_rest_only(system, options)
+        every = list(itertools.islice(existing_modes(system, options), MOST_MODES + 1))
     if len(every) <= MOST_MODES:
         return sorted(every, key=lambda m: m.count("0")), []
     note = Missing(

@@ -116,11 +116,14 @@ def linearise(
         return Linearisation(_at(jacobian, point), None, ())
     sliding = _sliding(form, equilibrium, on, put, point)
     slip: list[SlipLinearisation] = []
-    for choice in itertools.product((1, -1), repeat=len(on)):
-        chosen = dict(zip(on, choice, strict=True))
-        mode = "".join("+" if chosen.get(i, m) > 0 else "-" for i, m in enumerate(signs))
-        if sides is None or mode in sides:
-            slip += _slip(form, mode, on, put, point)
+    choices = ["+-" if m == 0 else "+" if m > 0 else "-" for m in signs]
+    if sides is None:
+        modes = ["".join(mode) for mode in itertools.product(*choices)]
+    else:
+        fit = [len(m) == len(choices) and all(map(str.__contains__, choices, m)) for m in sides]
+        modes = sorted({m for m, fits in zip(sides, fit, strict=True) if fits})
+    for mode in modes:
+        slip += _slip(form, mode, on, put, point)
     return Linearisation(None, sliding, tuple(slip))
 
 

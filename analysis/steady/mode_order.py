@@ -1,4 +1,8 @@
-"""Modes that are not empty: signs of surfaces at a constant distance, as knots of a table, exclude others."""
+"""Modes that are not empty, and may hold an equilibrium.
+
+Signs of surfaces at a constant distance, as knots of a table, exclude others; where q' = c v an equilibrium
+has v = 0.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +28,23 @@ def existing_modes(system: System, options: Sequence[str]) -> Iterator[str]:
                 yield from grown(mode + sign)
 
     return grown("")
+
+
+def at_rest_only(system: System, options: Sequence[str]) -> list[str]:
+    """The options with "0" alone for the surfaces that vanish where all speeds do.
+
+    A speed is a state that is another's rate, to a factor.
+    """
+    form = exact_form(system)
+    if form is None:
+        return list(options)
+    rates = [f.as_coeff_Mul() for f in form.field]
+    still = {v: 0 for c, v in rates if c != 0 and v in form.x}
+    out = list(options)
+    for i, h in enumerate(form.h):
+        if "0" in options[i] and not h.has(*form.a) and h.subs(still).expand().is_zero:
+            out[i] = "0"
+    return out
 
 
 def _relations(system: System) -> Relations:

@@ -4,7 +4,10 @@
 
 with M diagonal, K symmetric, C symmetric and positive semidefinite, k_i > 0. For K positive definite the
 energy around ANY equilibrium e, v.Mv/2 + (q - e).K(q - e)/2, does not grow, because each friction force
-minus the one that holds e has a power that is not positive: every equilibrium is stable. By LaSalle's
+minus the one that holds e has a power that is not positive: every equilibrium is stable. So it is for K
+positive semidefinite if friction outdoes the load f along every d != 0 with K d = 0, sum k_i |c_i.d| > f.d:
+the power lost to friction less that of the load is convex and homogeneous in v, so what is lost over a time
+is at least its value at the whole way q - e, and the energy bounds that way. By LaSalle's
 principle solutions tend to those that lose nothing: c_i . v = 0 and C v = 0 forever. On N = ker(c_1, c_2,
 ...) these obey N'MN w'' = -N'KN w with C N w' = 0, so all solutions come to rest if and only if that pair
 is observable; else one swings forever beside the point where no friction is needed. If K has a root
@@ -67,7 +70,7 @@ def masses(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Certif
     if certificate is None or certificate.answer == "unstable":
         return locally(context, found, lambda: certificate)
     # With impacts what swings without slip may be led to slip, or be kept from what the dampers see.
-    if parts.stiffness.is_positive_definite and parts.contacts.nullspace():
+    if not parts.stiffness.is_zero_matrix and parts.contacts.nullspace():
         near = locally(context, found, lambda: certificate)
         return near or replace(certificate, answer="stable", theorem=_EVERY, reach="local")
     text = "resets keep the places of the masses and raise no kinetic energy"
@@ -87,7 +90,16 @@ def _without_walls(parts: Masses, found: EquilibriumPoint | EquilibriumSet) -> C
     if K.is_zero_matrix:
         return _free(parts, said)
     if K.is_positive_definite:
-        return _held(parts, said)
+        text = (
+            "the matrix of the springs is symmetric and positive definite (leading minors in exact numbers)"
+        )
+        return _held(parts, [*said, text])
+    loose = K.nullspace()
+    if loose and K.is_positive_semidefinite and (load := _outdone(parts, loose)):
+        n = len(loose)
+        freely = f"{n} way{'s' * (n > 1)} in which no spring is stretched"
+        text = f"the matrix of the springs is symmetric and positive semidefinite, with {freely}; {load}"
+        return _held(parts, [*said, text])
     if K.det() != 0 and all(found.mode[i] == "0" for i in parts.surfaces):
         return _buckled(parts, said)
     return None
@@ -95,9 +107,6 @@ def _without_walls(parts: Masses, found: EquilibriumPoint | EquilibriumSet) -> C
 
 def _held(parts: Masses, said: list[str]) -> Certificate:
     M, K, C = parts.mass, parts.stiffness, parts.damping
-    said.append(
-        "the matrix of the springs is symmetric and positive definite (leading minors in exact numbers)"
-    )
     slipping = parts.contacts.nullspace()
     every = _EVERY
     if slipping:
@@ -116,6 +125,20 @@ def _held(parts: Masses, said: list[str]) -> Certificate:
         said.append("no solution is without slip in some contact")
     text = f"{every}, and the energy falls on all solutions but the equilibria"
     return Certificate("asymptotically stable", text, SOURCE, tuple(said), "global")
+
+
+def _outdone(parts: Masses, loose: Sequence[sympy.Matrix]) -> str:
+    """That friction outdoes the load wherever no spring is stretched; "" where it may not."""
+    N = sympy.Matrix.hstack(*loose)
+    if (parts.contacts * N).rank() < N.cols:
+        return ""
+    loads = N.T * parts.force
+    if loads.is_zero_matrix:
+        return "no load acts along these and a contact slips along each"
+    if N.cols > 1:
+        return ""
+    held = sum(k * abs(c) for k, c in zip(parts.friction, parts.contacts * N, strict=True))
+    return "friction outdoes the load along it" if bool(abs(loads[0]) < held) else ""
 
 
 def _free(parts: Masses, said: list[str]) -> Certificate | None:
