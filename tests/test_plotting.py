@@ -189,16 +189,52 @@ def test_16_jumps_stand_upright_within_a_segment() -> None:
 
 
 def test_16_many_states_and_sliding_sets_fit_into_a_picture() -> None:
-    """The first states only, and one colour for all sets of sliding surfaces; what is asked for is drawn."""
+    """The first states only, and a row for each sliding surface; what is asked for is drawn."""
     names = states([f"v{i}" for i in range(14)])
     run = solve(System({u: -sp.sign(u) for u in names}), np.linspace(0.1, 1.4, 14), (0, 2))
     drawn = plot_solution(run, title="many")
-    assert [ax.get_ylabel() for ax in drawn.axes] == [f"v{i}" for i in range(12)]
+    *panels, strip = drawn.axes
+    assert [ax.get_ylabel() for ax in panels] == [f"v{i}" for i in range(12)]
+    assert [text.get_text() for text in strip.get_yticklabels()] == [f"v{i}" for i in range(14)]
     assert "the first 12 of 14" in drawn.axes[0].get_title(loc="left")
     legend = drawn.axes[0].get_legend()
     assert legend is not None
-    assert next(text.get_text() for text in legend.get_texts()) == "sliding on some of 14 surfaces"
-    assert len(plot_solution(run, ["v0", "v13"]).axes) == 2
+    assert next(text.get_text() for text in legend.get_texts()) == "sliding on its own surface"
+    # v' = -sign(v) from v0 = (i + 1)/10 slides from that time on.
+    for i, (ax, bars) in enumerate(zip(panels, strip.collections, strict=False)):
+        for band in (*ax.collections, bars):
+            times = np.concatenate([path.vertices[:, 0] for path in band.get_paths()])
+            assert [times.min(), times.max()] == pytest.approx([(i + 1) / 10, 2], abs=1e-8)
+        (entry,) = [line for line in ax.get_lines() if line.get_marker() == "v"]
+        assert entry.get_xdata() == pytest.approx([(i + 1) / 10], abs=1e-8)
+    assert len(plot_solution(run, ["v0", "v13"]).axes) == 3
+    plt.close("all")
+
+
+def test_a_panel_shows_the_surfaces_of_its_own_state() -> None:
+    """Two blocks that do not touch stop at times of their own: v' = -1 from 1, w' = -2 from 4."""
+    a, b, u = states("a b u")
+    rates = {a: v, v: -sp.sign(v), b: u, u: -2 * sp.sign(u), z: sp.cos(t)}
+    system = System(rates, outputs={"force": -sp.sign(v), "sum": v + u})
+    run = solve(system, (0, 1, 0, 4, 0), (0, 3))
+    figure = plot_solution(run)
+    stops = {"a": 1, "v": 1, "force": 1, "b": 2, "u": 2}
+    assert [ax.get_ylabel() for ax in figure.axes] == ["a", "v", "b", "u", "z", "force", "sum"]
+    for ax in figure.axes:
+        stop = stops.get(ax.get_ylabel())
+        edges = [float(np.min(band.get_paths()[0].vertices[:, 0])) for band in ax.collections]
+        assert edges == pytest.approx([] if stop is None else [stop], abs=1e-8)
+        if ax.get_ylabel() in system.states:
+            entries = [line.get_xdata() for line in ax.get_lines() if line.get_marker() == "v"]
+            assert np.ravel(entries) == pytest.approx([] if stop is None else [stop], abs=1e-8)
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    said = [text.get_text() for text in legend.get_texts()]
+    assert said == ["sliding on v", "sliding on u", "sliding entry"]
+    # A surface that no panel belongs to is in a row below.
+    *panels, strip = plot_solution(run, ["a", "z"]).axes
+    assert [ax.get_ylabel() for ax in panels] == ["a", "z"]
+    assert [text.get_text() for text in strip.get_yticklabels()] == ["v", "u"]
     plt.close("all")
 
 

@@ -20,11 +20,11 @@ from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.plot.graph import plot_graph
 from filippov.plot.pieces import output_pieces, pieces_of
+from filippov.plot.sliding import Sliding, marks
 from filippov.plot.style import (
     BLUE,
     GREY,
     INK,
-    MARKS,
     RED,
     SERIES,
     SLIDING,
@@ -44,10 +44,8 @@ if TYPE_CHECKING:
 __all__ = ["plot_graph", "plot_phase", "plot_solution"]
 
 Array = npt.NDArray[np.float64]
-MOST_MARKS, FEW_MARKS = 160, 40
-# Panels that are drawn where none is asked for, and sets of sliding surfaces with a colour each.
+# Panels that are drawn where none is asked for.
 MOST_PANELS = 12
-MOST_SETS = 6
 
 
 @keywords()
@@ -63,6 +61,9 @@ def plot_solution(
     figure: Figure | None = None,
 ) -> Figure:
     """States and outputs over time, one panel each, sliding phases shaded and events marked.
+
+    Where several surfaces slide a panel shows those of its own state, and a strip below which slides when if
+    a colour for each does not.
 
     states      names of states, outputs and inputs, and formulas of them, to show; default all states and
                 outputs, or the first 12 of them
@@ -86,32 +87,35 @@ def plot_solution(
     own = solution.system.labels
     text = _labels(labels, ("t", *solution.system.states, *solution.system.outputs, *names, "multiplier"))
     pieces = list(pieces_of(solution, points))
-    rows = len(names) + (multiplier is not None)
+    sliding = Sliding(solution, names)
+    heights = [1.0] * (len(names) + (multiplier is not None)) + [sliding.strip_height] * sliding.strip
     with style():
-        drawn = figure if figure is not None else new_figure(7.0, 1.0 + 1.55 * rows)
-        axes = column(drawn, rows)
-        for k, (name, ax) in enumerate(zip(names, axes, strict=False)):
-            _shade(ax, solution, k == 0)
+        drawn = figure if figure is not None else new_figure(7.0, 1.0 + 1.55 * sum(heights))
+        axes = column(drawn, len(heights), heights)
+        for name, ax in zip(names, axes, strict=False):
+            sliding.shade(ax, name)
             if name in solution.system.states:
                 i = solution.system.states.index(name)
                 t = np.concatenate([t for _, t, _ in pieces])
                 ax.plot(t, np.concatenate([x[i] for _, _, x in pieces]), color=SERIES[0])
                 at = [e.t for e in solution.events], [e.x[i] for e in solution.events]
                 if events:
-                    _mark(ax, solution, *at, k == 0)
+                    sliding.mark(ax, name, *at)
             else:
                 ax.plot(*output_pieces(solution, name, pieces), color=SERIES[1])
                 ax.margins(y=0.08)
             ax.set_ylabel(panel_label(text.get(name, axis_label(solution.system, name))))
         if multiplier is not None:
-            _shade(axes[-1], solution, False)
-            _multiplier(axes[-1], solution, multiplier, pieces)
-            axes[-1].set_ylabel(panel_label(text.get("multiplier", figure_text(f"sign of {multiplier}"))))
+            ax = axes[len(names)]
+            _multiplier(ax, solution, multiplier, pieces)
+            ax.set_ylabel(panel_label(text.get("multiplier", figure_text(f"sign of {multiplier}"))))
+        if sliding.strip:
+            sliding.draw_strip(axes[-1])
         axes[-1].set_xlabel(text.get("t", own.get("t", "t")))
         low, high = sorted((solution.problem.t_span[0], solution.t_end))
         if low < high:
             axes[-1].set_xlim(low, high)
-        _legend(axes[0], title, 5)
+        _legend(axes[0], title, 5, axes)
     return drawn
 
 
@@ -161,7 +165,7 @@ def plot_phase(
         ax.plot(*solution.problem.x0[[i, j]], "s", color=INK, markersize=4.5, zorder=5, label="start")
         if events:
             at = [e.x for e in solution.events]
-            _mark(ax, solution, [v[i] for v in at], [v[j] for v in at], True)
+            marks(ax, solution, [v[i] for v in at], [v[j] for v in at], range(len(at)), str)
         ax.set_xlabel(text.get(pair[0], axis_label(solution.system, pair[0])))
         ax.set_ylabel(text.get(pair[1], axis_label(solution.system, pair[1])))
         ax.margins(0.06)
@@ -171,38 +175,6 @@ def plot_phase(
 
 
 # -- pieces ----------------------------------------------------------------------------------------------
-
-
-def _shade(ax: Any, solution: Solution, named: bool) -> None:
-    """Bands behind the sliding segments: a colour for each set of sliding surfaces, or one for all."""
-    surfaces = [surface.name for surface in solution.system.surfaces]
-    spans: dict[str, list[tuple[float, float]]] = {}
-    for segment in solution.segments:
-        on = [name for name, m in zip(surfaces, segment.mode, strict=True) if m == 0]
-        if on:
-            spans.setdefault(", ".join(on), []).append((min(segment.t0, segment.t1), segment.dwell))
-    if len(spans) > MOST_SETS:
-        all_bars = [bar for bars in spans.values() for bar in bars]
-        spans = {f"some of {len(surfaces)} surfaces": all_bars}
-    for k, (name, bars) in enumerate(spans.items()):
-        ax.broken_barh(
-            bars, (0, 1), transform=ax.get_xaxis_transform(), facecolor=SLIDING[k % len(SLIDING)], alpha=0.22,
-            linewidth=0, zorder=0, label=figure_text(f"sliding on {name}") if named else None,
-        )  # fmt: skip
-
-
-def _mark(ax: Any, solution: Solution, a: Sequence[float], b: Sequence[float], named: bool) -> None:
-    """A mark for each event, in front of the line; none at all where they would cover it."""
-    if len(a) > MOST_MARKS:
-        return
-    size = 5 * min(1.0, (FEW_MARKS / max(len(a), 1)) ** 0.5)
-    for kind, (marker, colour) in MARKS.items():
-        chosen = [k for k, event in enumerate(solution.events) if event.kind is kind]
-        if chosen:
-            ax.plot(
-                [a[k] for k in chosen], [b[k] for k in chosen], marker, color=colour, markersize=size,
-                zorder=4, markeredgewidth=1.0 if marker == "x" else 0, label=str(kind) if named else None,
-            )  # fmt: skip
 
 
 def _multiplier(
@@ -223,8 +195,12 @@ def _multiplier(
     ax.margins(y=0.12)
 
 
-def _legend(ax: Any, title: str, columns: int) -> None:
-    handles, labels = ax.get_legend_handles_labels()
+def _legend(ax: Any, title: str, columns: int, panels: Sequence[Any] = ()) -> None:
+    """The legend above the first panel, of what stands in all of them."""
+    parts = [panel.get_legend_handles_labels() for panel in panels or [ax]]
+    pairs = [pair for part in parts for pair in zip(*part, strict=True)]
+    pairs.sort(key=lambda pair: not pair[1].startswith("sliding on"))
+    handles, labels = [handle for handle, _ in pairs], [label for _, label in pairs]
     if title:
         ax.set_title(title, loc="left", pad=10 + 15 * -(-len(labels) // columns), fontsize=10.5)
     if handles:

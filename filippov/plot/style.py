@@ -124,9 +124,9 @@ def log_ticks(axis: Any) -> None:
         axis.set_major_formatter(plain)
 
 
-def column(figure: Figure, rows: int) -> Sequence[Any]:
-    """Axes above each other with one time axis."""
-    axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
+def column(figure: Figure, rows: int, heights: Sequence[float] | None = None) -> Sequence[Any]:
+    """Axes above each other with one time axis, of these relative heights."""
+    axes = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
     figure.align_ylabels(list(axes))
     return list(axes)
 
