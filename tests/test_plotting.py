@@ -254,20 +254,44 @@ def test_labels_and_numbers_do_not_run_into_each_other(name, draw):
         assert not any(a.overlaps(b) for a, b in itertools.pairwise(below))
 
 
-def test_modes_of_a_large_graph_do_not_lie_on_each_other() -> None:
-    """Twelve relays side by side: more modes than a figure has room for are told in its title."""
-    names = " ".join(f"x{i}" for i in range(12))
-    x = states(names)
-    many = System({q: -sp.sign(q) for q in x})
-    graph = possible_graph(many, limit=10)
-    assert len(graph) > 81
-    figure = plot_graph(graph)
-    figure.canvas.draw()
-    (ax,) = figure.axes
-    assert ax.get_title(loc="left") == f"81 of {len(graph)} modes"
-    boxes = [text.get_bbox_patch().get_window_extent() for text in ax.texts if text.get_text() in graph]
-    assert len(boxes) == 81
+def drawn_counts(ax: Any) -> int:
+    return sum(int(text.get_text()) for text in ax.texts if text.get_text().isdigit())
+
+
+def test_a_large_possible_graph_is_drawn_in_groups() -> None:
+    """Five relays side by side: every mode stands in the group of the surfaces that it slides on."""
+    many = System({q: -sp.sign(q) for q in states("x0 x1 x2 x3 x4")})
+    graph = possible_graph(many, limit=243)
+    assert len(graph) > 40
+    (ax,) = plot_graph(graph).axes
+    said = [text.get_text() for text in ax.texts if "mode" in text.get_text()]
+    sizes = [sum(mode.count("0") == k for mode in graph) for k in range(6)]
+    assert said == [f"{k} slide{'s' * (k == 1)}\n{n} mode{'s' * (n > 1)}" for k, n in enumerate(sizes)]
+    assert drawn_counts(ax) == graph.number_of_edges()
+    assert ax.get_title(loc="left").startswith(f"{len(graph)} modes by how many of 5")
+
+
+def test_of_a_large_observed_graph_the_modes_entered_most_often_stand_alone() -> None:
+    """Six oscillators of different periods; of the others is drawn where they are entered and left."""
+    rows: dict[Any, Any] = {}
+    names = states("a b c d e f"), states("u0 u1 u2 u3 u4 u5")
+    for k, (q, u) in enumerate(zip(*names, strict=True)):
+        rows |= {q: u, u: -(1 + 0.7 * k) * q - 0.02 * sp.sign(u)}
+    graph = observed_graph(solve(System(rows), [1.0, 0.3] * 6, (0, 30)))
+    assert len(graph) > 40
+    (ax,) = plot_graph(graph).axes
+    visits = sorted((data["visits"] for _, data in graph.nodes(data=True)), reverse=True)
+    texts = [text.get_text() for text in ax.texts]
+    alone = [mode for mode in graph if any(text.split("\n")[0] == mode for text in texts)]
+    assert sorted((graph.nodes[mode]["visits"] for mode in alone), reverse=True) == visits[:10]
+    assert f"{len(graph) - 10} other modes" in texts
+    edges = graph.edges(data=True)
+    seen = sum(data["count"] for a, b, data in edges if a in alone or b in alone)
+    assert drawn_counts(ax) == seen
+    ax.figure.canvas.draw()
+    boxes = [t.get_bbox_patch().get_window_extent() for t in ax.texts if not t.get_text().isdigit()]
     assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
+    plt.close("all")
 
 
 def test_work_on_a_graph_is_told_and_limited() -> None:

@@ -17,6 +17,7 @@ from filippov.base.escape import figure_text
 from filippov.base.keywords import keywords
 from filippov.base.status import EventKind
 from filippov.graphs.graph_io import node_label
+from filippov.plot.graph_summary import summary
 from filippov.plot.results import result_of
 from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, RED, new_figure, style
 
@@ -27,8 +28,8 @@ Point = npt.NDArray[np.float64]
 _SIGNS = {"-": -1, "0": 0, "+": 1, ".": 0}
 _CUBE = np.array([[2.2, 0.0, 0.8], [0.0, 2.2, 0.62]])
 _COLOURS = {EventKind.CROSSING: BLUE, EventKind.ENTRY: RED, EventKind.EXIT: GREEN, EventKind.GRAZING: PURPLE}
-MOST_GUARDS, MOST_MODES, MOST_ROWS = 24, 81, 28
-MARGIN = 0.95
+MOST_GUARDS, MOST_MODES, MOST_ROWS = 24, 40, 28
+MARGIN, LEAST_WIDTH = 0.95, 5.0
 
 
 @keywords(first=result_of("possible_graph", "nodes", "adjacency", Solution="observed_graph(solution)"))
@@ -46,25 +47,30 @@ def plot_graph(
     names   words shown for modes, by mode text
     guards  list the transitions beside the graph, with guards or counts (left out beyond 24)
 
-    Of more than 81 modes those are drawn whose ways out are known, or that were entered most often.
+    More than 40 modes are drawn in groups by the number of surfaces that slide, or, of an observed graph,
+    those entered most often by themselves and the others together; for modes of your choice give
+    graph.subgraph([...]).
     With one or two surfaces a mode is placed at its signs on the axes, otherwise networkx lays the graph out,
     without crossings if possible. Raises UsageError for an empty graph, ImportError without matplotlib.
     """
     if not graph:
         raise UsageError("the graph has no modes, nothing can be drawn.")
-    graph, cut = _shown(graph)
-    title = f"{title}{', ' if title else ''}{cut}" if cut else title
+    many = len(graph) > MOST_MODES
+    if many:
+        graph, places, said = summary(graph)
+        title, most = f"{title}: {said}" if title else said, 14.0
     labels = {mode: _label(mode, values, names or {}) for mode, values in graph.nodes(data=True)}
-    places, most = places_of(graph), 8.0
-    if _overlap(places, labels, _unit(places, most)):
-        places, most = _columns(graph, labels), 14.0
+    if not many:
+        places, most = places_of(graph), 8.0
+        if _overlap(places, labels, _unit(places, most)):
+            places, most = _columns(graph, labels), 14.0
     edges = list(graph.edges(data=True))
-    table = guards and 0 < len(edges) <= MOST_GUARDS
+    table = guards and not many and 0 < len(edges) <= MOST_GUARDS
     with style():
         width, height = _extent(places, most)
         lines = len(edges) if table else 0
         beside = _text_inches(edges) if table else 0.0
-        size = (width + beside, max(height + 0.7, 0.26 * lines + 0.5))
+        size = (max(width + beside, LEAST_WIDTH * many), max(height + 0.7, 0.26 * lines + 0.5))
         drawn = figure if figure is not None else new_figure(*size)
         if table:
             left, right = drawn.subplots(1, 2, width_ratios=(width, beside))
@@ -76,18 +82,6 @@ def plot_graph(
         if title:
             left.set_title(title, loc="left")
     return drawn
-
-
-def _shown(graph: nx.MultiDiGraph) -> tuple[nx.MultiDiGraph, str]:
-    """The modes that a figure has room for, and how many these are where there are more.
-
-    First those whose ways out are known, in the order in which they were found, or those entered most often.
-    """
-    if len(graph) <= MOST_MODES:
-        return graph, ""
-    rank = {mode: -data.get("visits", data.get("expanded", 0)) for mode, data in graph.nodes(data=True)}
-    drawn = sorted(rank, key=rank.__getitem__)[:MOST_MODES]
-    return graph.subgraph(drawn), f"{MOST_MODES} of {len(graph)} modes"
 
 
 def _extent(places: Mapping[str, Point], most: float) -> tuple[float, float]:
