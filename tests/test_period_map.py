@@ -122,4 +122,5 @@ def test_16_a_axes_say_where_a_coordinate_is_read() -> None:
     belt = Explorer(BELT, x0=(0, 0), t_span=(0, 20))
     assert belt.figures()["map"]["layout"]["xaxis"]["title"]["text"] == "d: x at the event"
     assert where_read(Stroboscope("y", clock="tick"), 2) == ("once a period, after 'tick'", "2 periods later")
+    assert where_read(Section("v", "reset", "x"), 2) == ("after the reset", "after reset 2 from it")
     assert where_read(Section("v", "crossing up", "x")) == ("at the event", "at event 1 after it")

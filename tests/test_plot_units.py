@@ -74,6 +74,19 @@ def test_results_have_the_units_of_their_system(draw):
     assert axes_of(draw())[0] == CASES[draw]
 
 
+def test_at_a_reset_the_speed_after_it_is_read_and_said():
+    """A ball leaves the ground with half the speed that it left it with before."""
+    y, v = states("y v")
+    ball = System(
+        {y: v, v: -9.81}, surfaces=[Surface("ground", y, reset={v: -v / 2})], labels={"v": "velocity [m/s]"}
+    )
+    found = analysis.EventMap(ball, analysis.Section("ground", "reset", "v", {"y": "0", "v": "d"}))
+    assert found(2.0) == pytest.approx(1.0, abs=1e-9)
+    drawn = axes_of(plot.plot_event_map(found, 0.5, 2.0))[0]
+    assert drawn == ("velocity [m/s] after the reset", "velocity [m/s] after reset 1 from it")
+    assert "the state after it" in analysis.Section.__doc__
+
+
 def test_labels_of_a_branch_are_kept_in_its_file(tmp_path):
     x, = states(["x"])
     p = parameters(r=Parameter(1.0, unit="V"))

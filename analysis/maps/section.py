@@ -31,7 +31,8 @@ class Section:
 
     surface, kind  the event that is a return of the map (as in `Stop`); several surfaces with commas between.
                    A surface is named, or given by the formula of its h in either orientation
-    coordinate     what is read there: the name of a state, or a formula in states (sympy or text)
+    coordinate     what is read there: the name of a state, or a formula in states (sympy or text). At a
+                   "reset" that is the state after it: the speed with which a ball leaves the ground
     parametrisation
                    the state at coordinate d, where a solution starts: an expression per state (sympy or text)
                    in `d` and the parameters, or a function (d, p) -> x0 with p by name; None: one solution is

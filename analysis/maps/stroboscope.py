@@ -30,7 +30,8 @@ class Stroboscope(Shown):
     coordinate  what is read there: the name of a state, or a formula in states (sympy or text)
     period      T > 0: a number, a formula in the parameters such as "2*pi/omega", a function of the
                 parameters; None: read off the sines and cosines of t and the clocks
-    clock       name of the time event after whose ticks states are read, with its reset; "": at t = k T
+    clock       name of the time event after whose ticks states are read, with its reset; "": at t = k T.
+                TimeEvent("look", period=T, start=T/4) chooses a phase
 
     Raises UsageError.
     """

@@ -86,6 +86,8 @@ def coordinate_labels(system: Any, section: Any, order: int = 1) -> dict[str, st
 
 def where_read(section: Any, order: int = 1) -> tuple[str, str]:
     """Where a coordinate is read and where the one that is set against it, in words: labels of axes."""
+    if getattr(section, "kind", "") == "reset":
+        return "after the reset", f"after reset {order} from it"
     if hasattr(section, "kind"):
         return "at the event", f"at event {order} after it"
     return str(section), f"{order} period{'s' if order > 1 else ''} later"

@@ -11,7 +11,7 @@ from filippov.app.explorer.look import HEIGHT, Figure, empty, figure, label, lin
 from filippov.app.explorer.solutions import MapData
 from filippov.app.explorer.view import View
 from filippov.plot.maps import with_gaps
-from filippov.plot.style import BLUE, GREY, INK, ORANGE, RED
+from filippov.plot.style import BLUE, GREY, INK, ORANGE, RED, where_read
 
 Array = npt.NDArray[np.float64]
 LETTERS = "RMQW"  # of the map, the first that the model does not use
@@ -44,7 +44,7 @@ def map_figure(view: View, found: MapData) -> Figure:
     ]
     name, returns = coordinate(view), view["order"]
     after = "one return later" if returns == 1 else f"{returns} returns later"
-    where = "at the event" if hasattr(view.subject.section, "kind") else str(view.subject.section)
+    where = where_read(view.subject.section)[0]
     axes = {"x": {"title": {"text": f"d: {name} {where}"}, "range": ends.tolist()},
             "y": {"title": {"text": f"{image}: {after}"}}}  # fmt: skip
     return figure(data, axes, height=HEIGHT, hovermode="closest")
