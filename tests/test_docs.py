@@ -7,6 +7,7 @@ by `make docs`, and here where that has not built the pages from the sources as 
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import json
 import os
 import re
@@ -133,6 +134,24 @@ def test_every_public_name_is_in_the_reference() -> None:
     reference = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
     missing = [name for name in filippov.__all__ if f"`{name}`" not in reference]
     assert not missing
+
+
+def test_the_list_of_names_says_what_the_docstrings_say() -> None:
+    """It is written by docs/names.py; every public name has a line, and `help` begins with it."""
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    spec = importlib.util.spec_from_file_location("names_of_docs", ROOT / "docs" / "names.py")
+    assert spec is not None
+    assert spec.loader is not None
+    names = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(names)
+    assert names.with_list(page) == page, "run python docs/names.py"
+    part = page.partition("## All names in one line each")[2].partition("## Short names")[0]
+    lines = dict(re.findall(r"^- `(\w+)`: (.+)$", part, re.MULTILINE))
+    of_sympy = set(re.findall(r"`(\w+)`", part.partition("- of sympy: ")[2].partition("\n")[0]))
+    assert set(filippov.__all__) <= lines.keys() | of_sympy
+    for name in ("solve", "System", "Surface"):
+        said = " ".join((getattr(filippov, name).__doc__ or "").split())
+        assert said.startswith(lines[name]), name
 
 
 def test_13_1_every_module_is_public_or_private_on_the_page() -> None:
