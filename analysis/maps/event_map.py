@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from filippov.analysis.maps.first_return import MOST_STEPS, first_return, first_returns
 from filippov.analysis.maps.map_units import level, map_units
+from filippov.analysis.maps.missed import missed
 from filippov.analysis.maps.section import BoundSection, Section
 from filippov.analysis.sensitivity.saltation import derivative_by_all, onto_section
 from filippov.base.errors import UsageError
@@ -25,6 +26,7 @@ from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.ensemble import Prepared
 from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
 from filippov.solving.state.option_types import Tolerance
 
 Array = npt.NDArray[np.float64]
@@ -168,11 +170,24 @@ class EventMap(Shown, Answering):
         return values, tuple(came)
 
     def __call__(self, d: Any) -> Any:
-        """R(d), a number or an array like d; NaN where the solution does not return."""
+        """R(d), a number or an array like d; NaN where the solution does not return, see `why`."""
         if type(d) is float and self.order == 1 and math.isfinite(d):
             return float(self._return(np.array([d]))[0][0])
         values, _ = self.returns(d)
         return values if np.ndim(d) else float(values[0])
+
+    @keywords()
+    def why(self, d: float) -> str:
+        """Why the solution from d does not return, and what came in place of the event; "" where it does."""
+        if not math.isnan(self(d)):
+            return ""
+        start = self.bound.start(np.array([d]), self.p)[0]
+        if not np.all(np.isfinite(start)):
+            return f"the parametrisation gives no state at d = {d:g}"
+        run = solve(self.system, start, (0.0, self.section.t_max), parameters=self.parameters, rtol=self.rtol,
+                    method=self.method, max_steps=MOST_STEPS, zeno="continue")  # fmt: skip
+        ended = "" if run.success else f". The solution ended: {run.message}"
+        return f"{missed(self.bound, run)}{ended}"
 
     @keywords()
     def iterate(self, d: float, n: Natural) -> Array:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from filippov.analysis.maps.coordinate import Coordinate
 from filippov.analysis.maps.first_return import MOST_STEPS
+from filippov.analysis.maps.missed import missed
 from filippov.analysis.maps.section import BoundSection, Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.base.errors import UsageError
@@ -127,6 +128,8 @@ def _of_events(bound: BoundSection, x0: Array, count: int, t0: float, options: d
             message = f"{where} the solution rests"
         elif not run.success:
             message = f"{where} the solution ended: {run.message}"
+        if not kept and run.events:
+            message = f"{missed(bound, run)}. {message[0].upper()}{message[1:]}"
     return Returns(t[:kept], x, bound.read(x), float(run.t_end), run.x_end, message, rests)
 
 

@@ -116,6 +116,13 @@ class Section:
                 f"Section: {self.surface!r} with kind {self.kind!r} means {' and '.join(sorted(kinds))} on "
                 f"{', '.join(names)}; expected one kind. Write every surface by its name."
             )
+        if "sliding" in self.kind:
+            for place, _ in places:
+                if system.surfaces[place].width != 0:
+                    raise UsageError(
+                        f"Section: {names[place]!r} has a hysteresis, on which no solution slides, so no "
+                        f"{self.kind!r} ever comes. Take kind 'crossing', 'crossing up' or 'crossing down'."
+                    )
         surface = ", ".join(names[place] for place, _ in places)
         return BoundSection(replace(self, surface=surface, kind=kinds.pop()), system)
 

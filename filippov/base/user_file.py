@@ -15,7 +15,9 @@ from filippov.base.names import closest
 def load_file(path: Path) -> ModuleType:
     """Run the user's file, as `python file.py` would find its neighbours. Raises UsageError, ModelError."""
     if not path.is_file():
-        near = closest(path.name, [p.name for p in path.parent.glob("*.py")]) if path.parent.is_dir() else ""
+        # By their stems: what two names have in common is not the ".py".
+        beside = [p.stem for p in path.parent.glob("*.py")] if path.parent.is_dir() else []
+        near = closest(path.stem, beside).replace("'?", ".py'?")
         raise UsageError(f"there is no file {str(path)!r}; {near or 'give a path from the present folder'}")
     full = path.resolve()
     spec = importlib.util.spec_from_file_location(full.stem, full)

@@ -40,7 +40,7 @@ def check_outputs(outputs: Any, states: Sequence[str], symbolic: bool) -> dict[s
 
 
 def check_labels(labels: Any, known: Sequence[str]) -> dict[str, str]:
-    """Labels of axes by name of state or output, and "t". Raises ModelError."""
+    """Labels of axes by name of state, output or input, and "t". Raises ModelError."""
     if labels is None:
         return {}
     if not isinstance(labels, Mapping) or not all(isinstance(text, str) for text in labels.values()):

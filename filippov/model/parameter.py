@@ -42,7 +42,20 @@ def _cure(value: object) -> str:
     return "Convert text and quantities with units to a float first."
 
 
-@constructor(error=ModelError, own=("default", "lower", "upper"))
+# What the bounds and texts are called elsewhere.
+_BOUNDS = "are lower= and upper=: Parameter(1, lower=0, upper=2)."
+_ANSWERS = {
+    **dict.fromkeys(("min", "minimum", "low", "lb", "ge"), "the least is lower=: Parameter(1, lower=0)."),
+    **dict.fromkeys(("max", "maximum", "high", "ub", "le"), "the greatest is upper=: Parameter(1, upper=2)."),
+    **dict.fromkeys(("bounds", "range", "limits"), f"bounds {_BOUNDS}"),
+    **dict.fromkeys(("value", "val"), "the value is default=, or the first: Parameter(1, 'kg')."),
+    "units": "the unit is unit=: Parameter(1, unit='kg').",
+    "name": "the name is that in parameters(...): parameters(m=Parameter(1, 'kg')).",
+    **dict.fromkeys(("label", "doc", "help", "comment"), "words are description='...'."),
+}
+
+
+@constructor(error=ModelError, answers=_ANSWERS, own=("default", "unit", "lower", "upper", "description"))
 @dataclass(frozen=True)
 class Parameter:
     """A number of the model: default, unit, closed bounds [lower, upper] and a description."""
@@ -54,6 +67,12 @@ class Parameter:
     description: str = ""
 
     def __post_init__(self) -> None:
+        first: Any = self.default
+        if isinstance(first, str) and as_float(self.unit) is not None:
+            raise ModelError(
+                f"a parameter is given as {first!r}, {self.unit!r}; the number goes first: "
+                f"Parameter({self.unit!r}, {first!r})."
+            )
         for name in ("default", "lower", "upper"):
             value = plain(getattr(self, name), self.unit, f"the {name} of a parameter")
             object.__setattr__(self, name, value)
@@ -70,7 +89,10 @@ class Parameter:
                 object.__setattr__(self, side, None)
         for text in ("unit", "description"):
             if not isinstance(getattr(self, text), str):
-                raise ModelError(f"the {text} of a parameter is {getattr(self, text)!r}, expected text.")
+                raise ModelError(
+                    f"the {text} of a parameter is {getattr(self, text)!r}, expected text: "
+                    "Parameter(1, 'kg', lower=0, description='mass')."
+                )
         if self.lower is not None and self.upper is not None and self.lower > self.upper:
             raise ModelError(f"parameter bounds [{self.lower}, {self.upper}] are empty: lower exceeds upper.")
         self.check(self.default, "the default of a parameter")

@@ -246,7 +246,8 @@ class System:
         if labels is not None:
             from filippov.model.output import check_labels
 
-            labels = check_labels(labels, (*self.states, *outputs))
+            inputs = (samples.name for samples in self.inputs)
+            labels = check_labels(labels, (*self.states, *outputs, *inputs))
         written: tuple[Any, ...] = tuple(outputs.items())
         if outputs and self.field is None:
             import sympy

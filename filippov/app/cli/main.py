@@ -43,6 +43,11 @@ _OTHER_COMMANDS = {
 _PARAMETERS = dict.fromkeys(
     ("--params", "--parameters", "--param", "--set", "-P"), "parameters are set by -p NAME=VALUE, one each"
 )
+# What the end of a run is called elsewhere.
+_ENDS = (
+    "--tend", "--t-end", "--tf", "--t-final", "--tfinal", "--tmax", "--tspan", "--tstop", "--t-stop",
+    "--stop-time", "--until", "--time", "--duration", "--end",
+)  # fmt: skip
 
 
 class Parser(argparse.ArgumentParser):
@@ -162,6 +167,12 @@ def _choice(options: Sequence[Option], flag: str) -> str:
     return f"write {takers[0]} {word}" if takers else ""
 
 
+def _span(options: Sequence[Option], flag: str) -> str:
+    """What to write for the end of a run, where the command has a time span."""
+    has = any("--t-span" in (q.flags or (q.flag,)) for q in options)
+    return "the times of a run are --t-span T0 T1, such as --t-span 0 5" if flag in _ENDS and has else ""
+
+
 def _elsewhere(name: str | None, flag: str, known: Mapping[str, Command]) -> str:
     """Which commands have a flag that this one has not, and what stands for a span where there is none."""
     if name is None:
@@ -180,11 +191,13 @@ def _elsewhere(name: str | None, flag: str, known: Mapping[str, Command]) -> str
 
 def _joined(argv: list[str], word: str) -> str:
     """What to write where a flag of one value was given several: the words after it, with commas."""
-    end = argv.index(word) if word in argv else 0
-    start = next((k for k in range(end, -1, -1) if argv[k].startswith("--")), None)
-    if start is None or end - start < 2:
+    end = next((k for k, given in enumerate(argv) if given.strip() == word), 0)
+    flags = [k for k in range(end) if argv[k].startswith("-") and not _NEGATIVE.match(argv[k])]
+    start = flags[-1] if flags else end
+    if end - start < 2:
         return ""
-    return f"one word goes with {argv[start]}: {argv[start]} {','.join(argv[start + 1 : end + 1])}"
+    with_name = "=" if argv[start] == "-p" and end - start == 2 else ","
+    return f"one word goes with {argv[start]}: {argv[start]} {with_name.join(argv[start + 1 : end + 1])}"
 
 
 def _left(leave: SystemExit) -> str:
@@ -220,11 +233,12 @@ def _main(argv: list[str], show: dict[str, bool], for_good: bool) -> int:
     part: Parser = given.pop("parser", parser)
     if extra:
         word = extra[0].strip()
-        if word.startswith("-"):
+        if word.startswith("-") and not _NEGATIVE.match(word):
             own = known[given["command"]].settings if given.get("command") else ()
             flag = word.split("=")[0]
-            hint = _elsewhere(given.get("command"), flag, known)
-            hint = hint or _PARAMETERS.get(flag, "") or closest(flag, part.words) or _choice(own, word)
+            hint = _span(own, flag) or _elsewhere(given.get("command"), flag, known)
+            hint = hint or _PARAMETERS.get(flag, "")
+            hint = hint or closest(flag, part.words) or _choice(own, word)
         else:
             hint = _joined(argv, word) or "expected no more"
         raise UsageError(f"unknown argument {word!r}{'; ' + hint if hint else ''} (see {part.prog} --help)")

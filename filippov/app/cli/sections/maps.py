@@ -97,6 +97,10 @@ def run_event_map(settings: dict[str, Any], console: Console) -> int:
         console.warn(f"interrupted; {done} of {d.size} points of the map are kept")
         code = 130
     _tell(points, console)
+    if done and np.all(np.isnan(image[:done])):
+        middle = float(d[done // 2])
+        why = event_map.why(middle)
+        console.warn(f"no solution from the section returns to it. From d = {middle:g}: {why}")
     data = {
         "model": loaded.name, "parameters": values, "order": settings["order"], "interval": [lo, hi],
         "section": section.to_dict(), "fixed_points": [point.to_dict() for point in points],
