@@ -127,7 +127,6 @@ def _uniform(
     polynomial = characteristic_polynomial(sliding.matrix)[: -sliding.normal.rows or None]
     rest, _ = context.without_zeros(polynomial, len(polynomial))
     places = spots(context, found)
-    context.clock.check()
     if any(attraction(context, sliding, found.mode, found.x, at)[1] != attracts for at in places):
         return False
     return len({context.verdict(rest, at) for at in places}) == 1
