@@ -261,7 +261,8 @@ def _searched(
         if point is None:
             continue
         if len(null) > 1 or (len(null) == 1 and _goes_on(search, y, null[0])):
-            text = f"{point.value} lies on a set of dimension {len(null)}, which is not traced."
+            place = ", ".join(f"{value:.10g}" for value in point.value)
+            text = f"({place}) lies on a set of dimension {len(null)}, which is not traced."
             return [*found, point], [f"mode {search.mode!r}: {text}"]
         found.append(point)
     return found, []
