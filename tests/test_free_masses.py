@@ -110,3 +110,16 @@ def test_sides_of_a_linearisation_are_looked_at_alone() -> None:
     assert len({part.mode for part in every.slip}) == 8
     some = linearise(system, rest, sides=["--+", "+-+", "0-+", "+"])
     assert [part.mode for part in some.slip] == ["+-+", "--+"]
+
+
+def test_work_is_told_and_bounded() -> None:
+    """What is done of the budget rises to the end, and a report that ends for it says so."""
+    told: list[tuple[float, float]] = []
+    stability_report(ring(8), budget=30.0, progress=lambda done, of: told.append((done, of)))
+    assert len(told) > 10
+    assert {of for _, of in told} == {30.0}
+    assert [done for done, _ in told] == sorted(done for done, _ in told)
+    assert told[-1][0] < 30.0
+    short = stability_report(ring(20), budget=2.0)
+    assert not short.complete
+    assert any("Give a larger budget" in note for note in short.notes)

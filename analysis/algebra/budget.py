@@ -115,11 +115,12 @@ def _held(frame: FrameType) -> bool:
 class Clock:
     """Work that a computation may take: asked between its steps, or counted while it runs.
 
-    budget  in millions of calls
+    budget    in millions of calls
+    progress  called with what is done of it, and it, whenever the clock is asked
     """
 
-    def __init__(self, budget: float) -> None:
-        self.budget, self.started = budget, int(_counts.own.cells[DONE])
+    def __init__(self, budget: float, progress: Callable[[float, float], object] | None = None) -> None:
+        self.budget, self.started, self.progress = budget, int(_counts.own.cells[DONE]), progress
 
     def check(self, terms: int = 0) -> None:
         """Raise OutOfBudgetError if the work is over or a product of that many terms would be formed."""
@@ -127,6 +128,8 @@ class Clock:
             raise OutOfBudgetError(f"a product of {terms} terms")
         own = _counts.own.cells
         own[DONE] += STEP
+        if self.progress is not None:
+            self.progress((own[DONE] - self.started) / CALLS, self.budget)
         if own[DONE] - self.started > self.budget * CALLS:
             raise OutOfBudgetError(self._said(self.budget))
 

@@ -101,7 +101,6 @@ def _regions(context: Context, found: EquilibriumSet, borders: Sequence[Expr]) -
 
 def spots(context: Context, found: EquilibriumSet) -> list[dict[sympy.Symbol, Expr]]:
     """Places all over a set, by its free symbols: one inside, and on the lines from it to the borders."""
-    context.clock.check()
     values = {**context.values, **context.put}
     held = [sympy.lambdify(list(found.free), (c.gts - c.lts).subs(values)) for c in found.conditions]
     middle = np.array(found.inner)

@@ -102,6 +102,7 @@ def attraction(
     free: Mapping[Symbol, Expr],
 ) -> tuple[list[Statement], Answer]:
     """Whether the surfaces attract: "stable", "unstable" or "undecided", with the reasons."""
+    context.clock.check()
     if sliding.normal.shape == (1, 1):
         rate = sliding.normal[0, 0]
         normal = context.number(rate, free)

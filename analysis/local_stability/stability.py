@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -93,6 +93,7 @@ def stability_report(
     assume: Iterable[Any] | None = None,
     hook: SetStability | None = None,
     budget: Positive = 60.0,
+    progress: Callable[[float, float], object] | None = None,
 ) -> StabilityReport:
     """Return the stability of all equilibria of a system of expressions.
 
@@ -103,6 +104,7 @@ def stability_report(
                 the one that is solved for keeps the sign of its value
     hook        gives the slope of an event map's second iterate at a set, which decides if nothing else does
     budget      work, in millions of calls of Python functions (about 0.3 s each)
+    progress    called with the work that is done, and the budget
 
     Raises ModelError for a system of plain functions or an unknown parameter.
     """
@@ -111,7 +113,7 @@ def stability_report(
             mode_signs(system, mode)
         system, modes = without_time_surfaces(system), modes_without(system, modes)
     form = _expressions(system)
-    clock = Clock(budget)
+    clock = Clock(budget, progress)
     p = system.parameters.resolve(parameters)
     numbers = {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
     values = in_exponents(form.expressions(), numbers)
@@ -123,8 +125,9 @@ def stability_report(
     items = []
     outer = joined(found)
     for equilibrium in found:
-        context = Context(system, form, values, told, symbol, hook, clock)
         try:
+            clock.check()
+            context = Context(system, form, values, told, symbol, hook, clock)
             items += _items(context, equilibrium, t, outer.get(id(equilibrium)))
         except OutOfBudgetError as error:
             text = f"stopped after {len(items)} of {len(found)} equilibria: {error}. Give a larger budget."

@@ -23,10 +23,10 @@ def run(settings: dict[str, Any], console: Console) -> int:
     folder = Folder(settings["output"], console)
     from filippov.analysis.local_stability import stability as module
 
-    with console.progress("stability"):
+    with console.progress("stability") as progress:
         report = module.stability_report(
             loaded.system, values, solve_for=wanted, modes=settings["modes"] or None, t=settings["t"],
-            budget=settings["budget"],
+            budget=settings["budget"], progress=progress,
         )  # fmt: skip
     console.result(json.loads(report.to_json()))
     console.say(str(report))

@@ -55,7 +55,7 @@ def take_up(run: Trajectory) -> None:
 @kernel
 def hand_back(run: Trajectory, code: int) -> None:
     """Save what the next call needs besides the state."""
-    full = code == CHUNK_DONE or code == EVENTS_FULL or code == RECORDS_FULL  # noqa: SIM109 - no `in` here
+    full = code == CHUNK_DONE or code == EVENTS_FULL or code == RECORDS_FULL  # noqa: PLR1714 - no `in`
     run.count.cut = 1 if full and run.now.renew == 0 else 0
     if not full:
         run.count.rested = 0
