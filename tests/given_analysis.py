@@ -200,7 +200,7 @@ def calls(folder: Path) -> dict[str, Call]:
             an.tune,
             {
                 **of_section,
-                "ranges": {"c": (0.2, 0.4)},
+                "over": {"c": (0.2, 0.4)},
                 "interval": (0.0, 3.0),
                 "parameters": {"k": 1.0},
                 "band": ({},),

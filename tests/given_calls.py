@@ -256,7 +256,7 @@ def calls(folder: Path) -> dict[str, Call]:
             Sweep,
             {
                 "problem": problem,
-                "vary": {"k": [1.0, 2.0]},
+                "over": {"k": [1.0, 2.0]},
                 "samples": "grid",
                 "measure": ("end", "t_end"),
                 "n": None,
@@ -268,7 +268,7 @@ def calls(folder: Path) -> dict[str, Call]:
             },
         ),
         "Sweep drawn": Call(
-            Sweep, {"problem": problem, "vary": {"k": (1.0, 2.0)}, "samples": "sobol", "n": 4, "seed": 1}
+            Sweep, {"problem": problem, "over": {"k": (1.0, 2.0)}, "samples": "sobol", "n": 4, "seed": 1}
         ),
         "Sweep.run": Call(
             Sweep(problem, {"k": [1.0, 2.0]}).run,

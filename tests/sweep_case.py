@@ -70,7 +70,7 @@ decay = Problem(System({x: -p.k*x}), x0=(1.0,), t_span=(0, 2))
 TOML = """
 model = "decay.py:decay"
 [sweep]
-vary = {{ k = "1:{count}:{count}" }}
+over = {{ k = "1:{count}:{count}" }}
 measure = ["end(x)", "harm.py:{measure}"]
 """
 

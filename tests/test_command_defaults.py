@@ -38,6 +38,6 @@ def test_7_1_tune_finds_the_same_in_the_command_and_in_the_function(
 ) -> None:
     model = get("hunting")
     found = tune(model.build(), Section.from_model(model), {"P": (low, 50.0)}, (0, 0.5), samples=16).to_dict()
-    words = ["--ranges", f"P={low}:50", "--interval", "0", "0.5", "--samples", "16", "--grid", "4"]
+    words = ["--over", f"P={low}:50", "--interval", "0", "0.5", "--samples", "16", "--grid", "4"]
     data = summary(capsys, "tune", "hunting", *words)
     assert {key: data[key] for key in found} == found

@@ -52,7 +52,7 @@ def axes(**named: tuple[float, float]) -> tuple[Any, Any]:
 
 CASES: dict[str, tuple[str, Callable[[], Any]]] = {
     "diagram": (
-        "FORCED --over F=1:1.2 --count 3 --x0 0,0 --transient 20 --keep 4",
+        "FORCED --over F=1:1.2:3 --x0 0,0 --transient 20 --keep 4",
         lambda: analysis.brute_force(FORCED, None, "F", values(1, 1.2, 3), (0, 0), transient=20, keep=4),
     ),
     "diagram of a coordinate": (
@@ -64,7 +64,7 @@ CASES: dict[str, tuple[str, Callable[[], Any]]] = {
         lambda: analysis.bifurcation(FORCED, None, parameter="F", values=values(1, 1.2, 3), x0=(0, 0)),
     ),
     "bifurcation of a coordinate": (
-        f"RELAY --over mu=0.2:0.4 --count 3 --points 40 {FLAGS}",
+        f"RELAY --over mu=0.2:0.4:3 --points 40 {FLAGS}",
         lambda: analysis.bifurcation(
             RELAY, SECTION, parameter="mu", values=values(0.2, 0.4, 3), interval=(0, 6), points=40
         ),
@@ -76,15 +76,15 @@ CASES: dict[str, tuple[str, Callable[[], Any]]] = {
         lambda: analysis.lyapunov(FORCED, (0, 0), 20, interval=2),
     ),
     "regions": (
-        f"RELAY --x mu=0.2:0.4 --y a=0.1:0.3 --cells 3 --points 20 {FLAGS}",
+        f"RELAY --over mu=0.2:0.4:3 --over a=0.1:0.3:3 --points 20 {FLAGS}",
         lambda: analysis.regions(RELAY, SECTION, *axes(mu=(0.2, 0.4), a=(0.1, 0.3)), (0, 6), points=20),
     ),
     "basin": (
-        f"RELAY --x x=0.5:2 --y v=0.5:2 --cells 3 {FLAGS}",
+        f"RELAY --over x0.x=0.5:2:3 --over v=0.5:2:3 {FLAGS}",
         lambda: analysis.basin(RELAY, SECTION, *axes(x=(0.5, 2), v=(0.5, 2)), (-6, 6)),
     ),
     "tune": (
-        f"RELAY --ranges k=0.5:2 --samples 16 --grid 4 {FLAGS}",
+        f"RELAY --over k=0.5:2 --samples 16 --grid 4 {FLAGS}",
         lambda: analysis.tune(RELAY, SECTION, {"k": (0.5, 2)}, (0, 6), samples=16),
     ),
     "attractors": (

@@ -27,6 +27,8 @@ ODD: dict[Any, list[Any]] = {
     values.pair: [["0", "abc"], ["0", "nan"], ["1"], ["1", "2", "3"]],
     values.named_numbers: ["k", "k=", "=1", "k=abc", "k=nan", "k=1e400", "k=1,k=2", ["k=1", "k=2"]],
     values.named_ranges: ["k", "k=", "k=1", "k=1:2:3", "k=a:b", "k=2:1", "k=nan:1", "k=0:1,k=1:2"],
+    values.sampled_ranges: ["k", "k=1", "k=1:2:3", "k=a:b", "k=2:1", "k=0:1,k=1:2"],
+    values.counted_ranges: ["k", "k=1", "k=1:2:0", "k=1:2:1.5", "k=1:2:3:4", "k=a:b", "k=2:1", "k=nan:1:2"],
     values.varied: ["k", "k=", "k=a:b:c", "k=1:2:3:4", "k=1:2:0", "k=1:2:1.5", "k=1:nan", "k=1,k=2"],
     values.tolerance: ["abc", "nan", "1,abc"],
     values.state: ["abc", "1,nan", "x=abc", "x=1,x=2", "x="],
@@ -98,7 +100,7 @@ def test_18_3_the_side_of_a_saddle_may_be_negative() -> None:
         ["simulate", "hunting", "-p", "P=1", "-p", "P=2"],
         ["simulate", "hunting", "--x0", "x=1,x=2"],
         ["attractors", "hunting", "--seed", "-1"],
-        ["sweep", "hunting", "--vary", "P=1:2:1.5"],
+        ["sweep", "hunting", "--over", "P=1:2:1.5"],
     ],
 )
 def test_18_3_a_command_ends_before_its_work(

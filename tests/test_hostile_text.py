@@ -138,7 +138,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "simulate": ("--events", "x - 1/2"),
     "graph": (),
     "stability": (),
-    "ensemble": ("--vary", "x0.x=0:1:3"),
+    "ensemble": ("--over", "x0.x=0:1:3"),
     "describing-function": (),
     "event-map": (*SECTION, "--points", "3"),
     "models describe": (),

@@ -122,7 +122,7 @@ def test_12_1_the_command_refuses_as_well(tmp_path: Path) -> None:
     assert found["refused"].startswith("refused: the residuals depend on")
     assert found["intervals"]["Fs"] == [None, None]
     assert found["hold"] == "cubic"
-    words = ["tune", "hunting", "--identified", str(out / "identified.json"), "--ranges", "P=5:60"]
+    words = ["tune", "hunting", "--identified", str(out / "identified.json"), "--over", "P=5:60"]
     assert main([*words, "-o", str(tmp_path / "tuning")]) == 2
 
 

@@ -91,7 +91,7 @@ def test_16_h_a_chirp_takes_time(duration: float) -> None:
     (["identify", "{file}"], "semicolons, expected commas"),
     (["simulate", "{model}", "--input", "F={file}"], "pandas.read_csv('u.csv', sep=';', decimal=',')"),
     (["simulate", "{model}", "-p", "F=1,5"], "'F=1,5', in which '5' has no name"),
-    (["sweep", "{model}", "--vary", "F=0,1,2"], "values of a sweep are LOW:HIGH:COUNT"),
+    (["sweep", "{model}", "--over", "F=0,1,2"], "values of a sweep are LOW:HIGH:COUNT"),
     (["orbit", "{model}", "--x0", "0", "--period", "abc"], "period is 'abc'"),
     (["simulate", "{many}", "--t-span", "0", "1"], "a1=...,... (a value for each of the 20"),
 ])  # fmt: skip

@@ -171,7 +171,7 @@ def test_16_5_commands_find_the_section(tmp_path: Path, capsys: pytest.CaptureFi
         "diagram.png",
         "bifurcation.png",
     }
-    assert main(["regions", own, "--x", "vb=0.1:0.2", "--y", "F=0.3:0.4"]) == 2
+    assert main(["regions", own, "--over", "vb=0.1:0.2", "--over", "F=0.3:0.4"]) == 2
     assert "From a short run: --surface" in capsys.readouterr().err
 
 

@@ -69,7 +69,7 @@ def test_16_a_periods_of_a_clocked_system() -> None:
 
 
 def test_16_a_regions_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["regions", f"{__file__}:PROBLEM", "--x", "h=0.3:1.1", "--y", "r=0.6:1.3", "--cells", "3",
+    words = ["regions", f"{__file__}:PROBLEM", "--over", "h=0.3:1.1", "--over", "r=0.6:1.3", "--cells", "3",
              "--coordinate", "y"]  # fmt: skip
     assert main([*words, "--json", "-o", str(tmp_path)]) == 0
     told = capsys.readouterr()
@@ -88,8 +88,8 @@ def test_16_a_regions_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(("words", "told"), [
     (["diagram", "FORCED", "--over", "F=1:2", "--x0", "0,0", "--clock", "tock"], "unknown time event 'tock'"),
     (["diagram", "FORCED", "--over", "F=1:2", "--x0", "0,0", "--period", "3", "--surface", "v"], "one or"),
-    (["tune", "PROBLEM", "--ranges", "h=0.5:1"], "`filippov regions --x0` periods over two parameters"),
-    (["regions", "FORCED", "--x", "F=1:2", "--y", "w=1:2", "--x0", "0,0", "--borders", "exact"], "--borders"),
+    (["tune", "PROBLEM", "--over", "h=0.5:1"], "`filippov regions --x0` periods over two parameters"),
+    (["regions", "FORCED", "--over", "F=1:2,w=1:2", "--x0", "0,0", "--borders", "exact"], "--borders"),
 ])  # fmt: skip
 def test_16_a_what_is_said(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
     command, model, *rest = words

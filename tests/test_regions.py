@@ -144,10 +144,10 @@ def test_bad_requests_are_named() -> None:
 
 def test_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     common = ["--cells", "3", "-o", str(tmp_path / "r")]
-    data = summary(capsys, "regions", "hunting", "--x", "P=10:30", "--y", "I=8:12", *common)
+    data = summary(capsys, "regions", "hunting", "--over", "P=10:30", "--over", "I=8:12", *common)
     assert data["cycles"][0][0] == 2
     common = ["--cells", "5", "-o", str(tmp_path / "b")]
-    data = summary(capsys, "basin", "hunting", "--x", "x=-0.2:0.2", "--y", "v=-1:1", *common)
+    data = summary(capsys, "basin", "hunting", "--over", "x=-0.2:0.2", "--over", "v=-1:1", *common)
     assert data["shape"] == [5, 5]
     assert {p.name for p in (tmp_path / "r").iterdir()} == {"regions.json", "regions.csv", "regions.png"}
     assert {p.name for p in (tmp_path / "b").iterdir()} == {"basin.json", "basin.npz", "basin.png"}

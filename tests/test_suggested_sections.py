@@ -32,9 +32,9 @@ wall = Surface("wall", -x, reset={v: -v/2 - 0.3})
 ceiling = Problem(System({x: v, v: k + mu}, surfaces=[wall]), x0=(-1, 0), t_span=(0, 9))
 """
 COMMANDS = {
-    "regions": "--x k=0.9:1.1 --y mu=0.05:0.1 --cells 2 --points 8",
-    "tune": "--ranges k=0.9:1.1 --samples 2 --grid 2",
-    "basin": "--x x=0:1 --y v=0:1 --cells 2",
+    "regions": "--over k=0.9:1.1 --over mu=0.05:0.1 --cells 2 --points 8",
+    "tune": "--over k=0.9:1.1 --samples 2 --grid 2",
+    "basin": "--over x=0:1 --over v=0:1 --cells 2",
     "event-map": "--start 0.1 --iterates 2 --points 8",
     "diagram": "--start 0.1 --over k=0.9:1.1 --count 2 --transient 4 --keep 2",
     "bifurcation": "--interval 0 1 --over k=0.9:1.1 --count 2 --points 8",

@@ -194,14 +194,14 @@ def test_exports_keep_coordinates_units_and_causes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"vary": {"kk": [1]}}, "unknown name to vary: 'kk'; did you mean 'k'?"),
-        ({"vary": {"x0.y": [1]}}, "did you mean 'x0.x'?"),
-        ({"vary": {}}, "vary is empty"),
-        ({"vary": {"k": [1, math.nan]}}, "expected one or more finite numbers"),
+        ({"over": {"kk": [1]}}, "unknown name to vary: 'kk'; did you mean 'k'?"),
+        ({"over": {"x0.y": [1]}}, "did you mean 'x0.x'?"),
+        ({"over": {}}, "over is empty"),
+        ({"over": {"k": [1, math.nan]}}, "expected one or more finite numbers"),
         ({"samples": "sobl"}, "unknown samples 'sobl'; did you mean 'sobol'?"),
         ({"samples": "sobol"}, "expected the number of points"),
         ({"n": 3}, "expected none"),
-        ({"samples": "sobol", "n": 3, "vary": {"k": [1, 2, 3]}}, r"expected \(low, high\)"),
+        ({"samples": "sobol", "n": 3, "over": {"k": [1, 2, 3]}}, r"expected \(low, high\)"),
         ({"measure": "amplitud(x)"}, "unknown measure 'amplitud"),
         ({"measure": "end(y)"}, "unknown state 'y'"),
         ({"measure": "events(wall)"}, "unknown surface 'wall'"),
@@ -213,7 +213,7 @@ def test_exports_keep_coordinates_units_and_causes(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_wrong_is_said_before_anything_runs(change: dict[str, Any], said: str) -> None:
-    given: dict[str, Any] = {"vary": {"k": [1, 2]}, **change}
+    given: dict[str, Any] = {"over": {"k": [1, 2]}, **change}
     with pytest.raises(UsageError, match=said):
         Sweep(decay(), **given)
 
@@ -272,7 +272,7 @@ def test_the_command_ensemble_tells_where_trajectories_end(
 ) -> None:
     write_case(tmp_path)
     monkeypatch.chdir(tmp_path)
-    drawn = "--vary k=1:3 --vary x0.x=1:2 --samples sobol -n 100"
+    drawn = "--over k=1:3 --over x0.x=1:2 --samples sobol -n 100"
     words = ["ensemble", "decay.py:decay", *drawn.split(" "), "-o", "out", "--json"]
     assert main(words) == 0
     assert strict(capsys.readouterr().out)["counts"] == {"success": 100}

@@ -32,7 +32,7 @@ K, X = (0.5, 1.0, 1.5, 2.0), (-1.0, 1.0, 2.0)
 
 def asked(harm: Path, **changes: Any) -> Sweep:
     given: dict[str, Any] = {
-        "vary": {"k": K, "x0.x": X}, "measure": ["end(x)", "t_end", f"{harm}:plain"], "rtol": 1e-9, **changes
+        "over": {"k": K, "x0.x": X}, "measure": ["end(x)", "t_end", f"{harm}:plain"], "rtol": 1e-9, **changes
     }  # fmt: skip
     return Sweep(decay(), **given)
 
@@ -164,10 +164,10 @@ def test_11_18_files_of_others_survive_everything(sound: tuple[Path, Path], data
         if how == "load":
             tried(lambda: load_table(work))
         else:
-            vary = {"k": [1.0, 2.0]} if how == "other" else {"k": K, "x0.x": X}
+            over = {"k": [1.0, 2.0]} if how == "other" else {"k": K, "x0.x": X}
             table = tried(
-                lambda how=how, vary=vary: serial(  # type: ignore[misc]
-                    asked(harm, vary=vary), work, resume=how == "resume", fresh=how in ("fresh", "other")
+                lambda how=how, over=over: serial(  # type: ignore[misc]
+                    asked(harm, over=over), work, resume=how == "resume", fresh=how in ("fresh", "other")
                 )
             )
             if table is not None and how != "other":
@@ -299,7 +299,7 @@ def relay(e: float = 0.5, width: float = 0.0, side: Any = "+") -> System:
 
 def big(system: System, **changes: Any) -> Sweep:
     given: dict[str, Any] = {
-        "vary": {"P": [1, 2], "x0.x": [1, 2]}, "measure": ["end", "events(floor)"], "rtol": 1e-8, **changes
+        "over": {"P": [1, 2], "x0.x": [1, 2]}, "measure": ["end", "events(floor)"], "rtol": 1e-8, **changes
     }  # fmt: skip
     problem = Problem(
         system, given.pop("x0", (1.0, 0.0)), given.pop("t_span", (0, 0.2)), given.pop("values", {"g": 9.0})
@@ -314,11 +314,11 @@ CHANGES: dict[str, tuple[Callable[[], Sweep], str]] = {
     "a parameter": (lambda: big(relay(), values={"g": 9.1}), "parameters"),
     "the initial state": (lambda: big(relay(), x0=(1.0, 1e-9)), "x0"),
     "the span": (lambda: big(relay(), t_span=(0, 0.3)), "t_span"),
-    "a value": (lambda: big(relay(), vary={"P": [1, 2.5], "x0.x": [1, 2]}), "points"),
-    "the order of values": (lambda: big(relay(), vary={"P": [2, 1], "x0.x": [1, 2]}), "points"),
-    "the number of points": (lambda: big(relay(), vary={"P": [1, 2, 3], "x0.x": [1, 2]}), "points"),
-    "what is varied": (lambda: big(relay(), vary={"P": [1, 2], "x0.v": [1, 2]}), "names"),
-    "the order of names": (lambda: big(relay(), vary={"x0.x": [1, 2], "P": [1, 2]}), "names"),
+    "a value": (lambda: big(relay(), over={"P": [1, 2.5], "x0.x": [1, 2]}), "points"),
+    "the order of values": (lambda: big(relay(), over={"P": [2, 1], "x0.x": [1, 2]}), "points"),
+    "the number of points": (lambda: big(relay(), over={"P": [1, 2, 3], "x0.x": [1, 2]}), "points"),
+    "what is varied": (lambda: big(relay(), over={"P": [1, 2], "x0.v": [1, 2]}), "names"),
+    "the order of names": (lambda: big(relay(), over={"x0.x": [1, 2], "P": [1, 2]}), "names"),
     "a measure": (lambda: big(relay(), measure=["end", "events(relay)"]), "columns"),
     "the order of measures": (lambda: big(relay(), measure=["events(floor)", "end"]), "columns"),
     "an option": (lambda: big(relay(), rtol=1e-9), "rtol"),

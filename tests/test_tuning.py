@@ -141,7 +141,7 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     content = {"fixed": {"beta": 2.0}, "values": {"vs": 0.1}, "covariance": [[1e-6]], "level": 0.95}
     file.write_text(json.dumps(content), encoding="utf-8")
     out = tmp_path / "out"
-    words = ["tune", "hunting", "--ranges", "P=15:40", "--ranges", "I=8:12", "--samples", "16", "--grid", "6"]
+    words = ["tune", "hunting", "--over", "P=15:40", "--over", "I=8:12", "--samples", "16", "--grid", "6"]
     data = summary(capsys, *words, "--identified", str(file), "-o", str(out))
     assert data["best"]["P"] > FOLD * 0.9
     # 1.96 standard errors of 0.001 on both sides.

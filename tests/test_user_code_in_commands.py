@@ -114,7 +114,7 @@ def test_11_20_stdout_holds_json_only_whatever_prints(folder: Path) -> None:
 def test_11_20_workers_print_to_stderr_too(folder: Path) -> None:
     path = folder / "noisy.py"
     path.write_text(NOISY, encoding="utf-8")
-    words = ["sweep", f"{path}:plain", "--vary", "x0.x=0:1:4", "-j", "2", "--measure", "end(x)", "--json"]
+    words = ["sweep", f"{path}:plain", "--over", "x0.x=0:1:4", "-j", "2", "--measure", "end(x)", "--json"]
     done = command(*words)
     assert done.returncode == 0, done.stderr
     assert strict(done.stdout)["points"] == 4

@@ -109,7 +109,7 @@ def test_16_f_steps_without_end(function: Any) -> None:
 
 
 def test_16_f_a_column_is_varied() -> None:
-    rows = Sweep(Problem(S, (1, 0), SPAN), vary={"mu": pandas.Series([0.1, 0.3], index=[7, 9])}).run()
+    rows = Sweep(Problem(S, (1, 0), SPAN), over={"mu": pandas.Series([0.1, 0.3], index=[7, 9])}).run()
     assert rows["mu"].tolist() == [0.1, 0.3]
 
 

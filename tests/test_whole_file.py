@@ -168,8 +168,8 @@ def watch(event, arguments):
 
 sys.addaudithook(watch)
 for words in (
-    "simulate relay --t-span 0 1", "graph relay", "ensemble relay --vary x0.x1=0:1:3 --t-span 0 1",
-    "sweep relay --vary x0.x1=0:1:3 --t-span 0 1 --measure end(x1) -j 1", "bank run BANK",
+    "simulate relay --t-span 0 1", "graph relay", "ensemble relay --over x0.x1=0:1:3 --t-span 0 1",
+    "sweep relay --over x0.x1=0:1:3 --t-span 0 1 --measure end(x1) -j 1", "bank run BANK",
 ):
     name, *rest = words.replace("BANK", f"{out}/../bank.json").split()
     for again in (1, 2) if name == "simulate" else (1,):

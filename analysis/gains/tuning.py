@@ -103,11 +103,11 @@ class Tuning(Shown):
         return "\n".join(rows)
 
 
-@keywords()
+@keywords(answers={"ranges": "ranges is over now: write over={'P': (5, 60)}."})
 def tune(
     system: System,
     section: Section,
-    ranges: Mapping[str, tuple[float, float]],
+    over: Mapping[str, tuple[float, float]],
     interval: Interval,
     *,
     parameters: Mapping[str, float] | None = None,
@@ -119,17 +119,17 @@ def tune(
 ) -> Tuning:
     """Search gains for which the event map contracts for every law of a band.
 
-    ranges     lowest and highest value by name of gain, > 0
+    over       lowest and highest value by name of gain, > 0
     interval   of the section's coordinate, as in `contraction`
     parameters values of the others; band: sets of values by name that all have to be free of cycles
-    samples    Sobol samples of the ranges (rounded up to a power of 2); points: excursions per sample
+    samples    Sobol samples of these ranges (rounded up to a power of 2); points: excursions per sample
     progress   called with (stages done, stages)
 
     Ctrl-C returns what has been found. Raises UsageError.
     """
-    search = _Search(system, section, ranges, interval, dict(parameters or {}), list(band), points)
+    search = _Search(system, section, over, interval, dict(parameters or {}), list(band), points)
     exponent = max(int(np.ceil(np.log2(samples))), 4)
-    u = search.low + (search.high - search.low) * qmc.Sobol(len(ranges), rng=seed).random_base2(exponent)
+    u = search.low + (search.high - search.low) * qmc.Sobol(len(over), rng=seed).random_base2(exponent)
     total = 2 + ROUNDS
     complete = True
     search.tell = lambda done: None if progress is None else progress(done, total)
@@ -148,7 +148,7 @@ def tune(
         best = known[int(np.argmin(ratio))]
     told = (
         complete, system.parameters.others(parameters, search.names),
-        {name: (float(low), float(high)) for name, (low, high) in ranges.items()}, tuple(map(dict, band)),
+        {name: (float(low), float(high)) for name, (low, high) in over.items()}, tuple(map(dict, band)),
     )  # fmt: skip
     if best is None:
         return Tuning(
@@ -175,7 +175,7 @@ class _Search:
     ) -> None:  # fmt: skip
         self.names = tuple(ranges)
         if not self.names:
-            raise UsageError("ranges is empty, expected (low, high) for at least one gain.")
+            raise UsageError("over is empty, expected (low, high) for at least one gain.")
         for name in (*self.names, *(key for item in band for key in item)):
             if name not in system.parameters:
                 raise UsageError(unknown("parameter", name, system.parameters))

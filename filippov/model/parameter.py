@@ -38,7 +38,7 @@ def _cure(value: object) -> str:
     if callable(value):
         return "What changes in time is an Input in its place: system.with_inputs({name: Input(...)})."
     if isinstance(value, Mapping | Sequence | np.ndarray) and not isinstance(value, str):
-        return "Several values are as many runs: Sweep(problem, vary={name: values}, ...)."
+        return "Several values are as many runs: Sweep(problem, over={name: values}, ...)."
     return "Convert text and quantities with units to a float first."
 
 

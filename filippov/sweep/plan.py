@@ -44,13 +44,14 @@ from filippov.sweep.table import SweepTable
 from filippov.sweep.toolchain import own_sources, toolchain
 
 _ENOUGH = 64
+FORMER = {"vary": "vary is over now: write over={'P': [10, 20]}."}
 
 
 class Sweep:
     """Measures of the solutions of a problem over many parameter values and initial states.
 
     problem   the template
-    vary      values by name: of parameters, or of initial states as "x0.v"; for samples="latin_hypercube"
+    over      values by name: of parameters, or of initial states as "x0.v"; for samples="latin_hypercube"
               and "sobol" (low, high) by name
     samples   "grid" (every combination, the last name fastest), "list" (the first values, the second ones,
               ...), "latin_hypercube" or "sobol" with n points and a seed
@@ -65,11 +66,11 @@ class Sweep:
 
     grain = 1
 
-    @keywords(answers=ANSWERS, own=("problem", "method"))
+    @keywords(answers=ANSWERS | FORMER, own=("problem", "method"))
     def __init__(
         self,
         problem: Problem,
-        vary: Mapping[str, Any],
+        over: Mapping[str, Any],
         samples: str = "grid",
         *,
         measure: Any = ("end", "t_end"),
@@ -107,8 +108,8 @@ class Sweep:
         if "nonunique" in options:
             self.options["nonunique"] = check_priority(options["nonunique"], problem.system)
         Options(stop=self.stop, **self.options).tolerances(problem.system)
-        self.names = _names(vary, problem.system)
-        self.points: Points = sample(vary, samples, n, seed)
+        self.names = _names(over, problem.system)
+        self.points: Points = sample(over, samples, n, seed)
         self.shape = shape_of(self.points)
         self._check_bounds()
         self.measures = self._tried(read_measures(measure, problem.system))
@@ -229,7 +230,7 @@ class Sweep:
                     try:
                         parameters[name].check(extreme, f"parameter {name!r}")
                     except ModelError as error:
-                        raise UsageError(f"vary: {error}") from None
+                        raise UsageError(f"over: {error}") from None
 
     def _tried(self, measures: tuple[Measure | Function, ...]) -> tuple[Measure | Function, ...]:
         """The measures, with the names of what functions return found by a trial at the template."""
@@ -259,14 +260,14 @@ class Sweep:
         return tuple(out)
 
 
-def _names(vary: Any, system: System) -> tuple[str, ...]:
-    if not isinstance(vary, Mapping):
-        raise UsageError(f"vary is {vary!r}, expected values by name.")
+def _names(over: Any, system: System) -> tuple[str, ...]:
+    if not isinstance(over, Mapping):
+        raise UsageError(f"over is {over!r}, expected values by name.")
     known = [*system.parameters.names, *(f"{START}{state}" for state in system.states)]
-    for name in vary:
+    for name in over:
         if name not in known:
             raise UsageError(unknown("name to vary:", name, known))
-    return tuple(vary)
+    return tuple(over)
 
 
 def _plain(value: Any) -> Any:

@@ -18,13 +18,13 @@ MOST = 50_000_000
 _PIECE = 1 << 16
 
 
-def sample(vary: Mapping[str, Any], samples: str, n: int | None, seed: int) -> Points:
-    """Points (N, len(vary)) from values by name, or from (low, high) by name. Raises UsageError."""
+def sample(over: Mapping[str, Any], samples: str, n: int | None, seed: int) -> Points:
+    """Points (N, len(over)) from values by name, or from (low, high) by name. Raises UsageError."""
     if samples not in SAMPLES:
         raise UsageError(unknown("samples", samples, SAMPLES))
-    columns = {name: _numbers(name, values) for name, values in vary.items()}
+    columns = {name: _numbers(name, values) for name, values in over.items()}
     if not columns:
-        raise UsageError('vary is empty, expected values by name: {"P": [10, 20], "x0.v": [0, 1]}.')
+        raise UsageError('over is empty, expected values by name: {"P": [10, 20], "x0.v": [0, 1]}.')
     drawn = samples in ("latin_hypercube", "sobol")
     if drawn != (n is not None):
         raise UsageError(
@@ -50,7 +50,7 @@ def _draw(columns: Mapping[str, Array], samples: str, n: int, seed: int) -> Arra
         raise UsageError(f"n is {n}, more than {MOST}.")
     for name, column in columns.items():
         if len(column) != 2 or not column[0] < column[1]:
-            raise UsageError(f"vary: {name} is {column.tolist()}, expected (low, high) for {samples!r}.")
+            raise UsageError(f"over: {name} is {column.tolist()}, expected (low, high) for {samples!r}.")
     ends = np.array(list(columns.values()))
     generator = np.random.default_rng(seed)
     out = (_sobol if samples == "sobol" else _latin_hypercube)(len(ends), n, generator)
@@ -96,11 +96,11 @@ def _numbers(name: str, values: Any) -> Array:
     if hasattr(values, "to_numpy") and getattr(values, "ndim", 0) == 1:  # a column of a table
         values = values.to_numpy()
     if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray):
-        raise UsageError(f"vary: {name} is {values!r}, expected a list of numbers.")
+        raise UsageError(f"over: {name} is {values!r}, expected a list of numbers.")
     try:
         column = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
-        raise UsageError(f"vary: {name} is {values!r}, expected numbers.") from None
+        raise UsageError(f"over: {name} is {values!r}, expected numbers.") from None
     if column.ndim != 1 or not column.size or not np.all(np.isfinite(column)):
-        raise UsageError(f"vary: {name} is {values!r}, expected one or more finite numbers.")
+        raise UsageError(f"over: {name} is {values!r}, expected one or more finite numbers.")
     return column

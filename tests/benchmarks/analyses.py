@@ -117,7 +117,7 @@ def tuning() -> str:
         record = str(Path(__file__).resolve().parents[2] / "docs/_static/friction.csv")
         given = ["--fixed", "m=1", "--fixed", "beta=2", "-o", f"{folder}/friction"]
         main(["identify", record, *given])
-        ranges = ["--ranges", "P=5:60", "--ranges", "I=2:20", "--t-max", "20", "--samples", "32"]
+        ranges = ["--over", "P=5:60", "--over", "I=2:20", "--t-max", "20", "--samples", "32"]
         law = ["--identified", f"{folder}/friction/identified.json"]
         main(["tune", "hunting", *law, *ranges, "-o", f"{folder}/tuning"])
         return (Path(folder) / "tuning/tuning.json").read_text(encoding="utf-8")[-400:].replace("\n", " ")

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from filippov.app.cli.compare import APPROXIMATIONS
 from filippov.app.cli.configuration import (
-    CELLS,
     ENGINE,
     INTERVAL,
     OVER,
+    PLANE,
+    POINTS,
     SECTION,
     STROBE,
-    VARY,
-    X_AXIS,
-    Y_AXIS,
     Command,
     Option,
 )
@@ -30,6 +28,7 @@ from filippov.app.cli.values import (
     pair,
     policy,
     releases,
+    sampled_ranges,
     signals,
     state,
     switch,
@@ -126,7 +125,7 @@ _ALL = (
     ),
     Command(
         "sweep", "measures over many points: results.csv, results.nc, summary.json; can be resumed", "sweep",
-        (MODEL, PARAMETERS, INPUT, *VARY,
+        (MODEL, PARAMETERS, INPUT, *POINTS,
          Option("measure", "what is measured, such as end(x), events(surface), amplitude(x), or "
                 "path/to/file.py:name; can be repeated", texts, metavar="MEASURE", repeat=True,
                 default=["end", "t_end"]),
@@ -139,7 +138,7 @@ _ALL = (
     ),
     Command(
         "ensemble", "where many trajectories end, in one process: ends.csv, ends.npz, summary.json", "sweep",
-        (MODEL, PARAMETERS, INPUT, *VARY,
+        (MODEL, PARAMETERS, INPUT, *POINTS,
          Option("jobs", "threads; default: all cores", whole, metavar="N", flags=("-j", "--jobs")),
          *(option for option in START if option.name != "max_time"), *TOLERANCES),
         EXAMPLES["ensemble"],
@@ -160,7 +159,7 @@ _ALL = (
         "bifurcation", "fixed points over a parameter: bifurcation.csv, .json, .png",
         "filippov.app.cli.sections.maps",
         (MODEL, PARAMETERS, INPUT, *OVER, START[0],
-         Option("count", "number of its values", whole, metavar="N", default=22),
+         Option("count", "number of its values (default 22)", whole, metavar="N"),
          Option("points", "points of the search at each value", whole, metavar="N", default=400),
          Option("order", "iterate of the map that is taken", whole, metavar="K", default=2),
          INTERVAL, *SECTION, *STROBE, *TOLERANCES[:2], *ENGINE),
@@ -248,7 +247,7 @@ _ALL = (
     Command(
         "regions", "number and stability of cycles over two parameters, with --x0 the period of the orbit "
         "that is reached: regions.json, .csv, .png", "regions",
-        (MODEL, PARAMETERS, INPUT, X_AXIS, Y_AXIS, CELLS, START[0], INTERVAL, *SECTION, *STROBE,
+        (MODEL, PARAMETERS, INPUT, *PLANE, START[0], INTERVAL, *SECTION, *STROBE,
          Option("transient", "with --x0: returns that are dropped", whole, metavar="N", default=200),
          Option("keep", "with --x0: returns in which a period is looked for", whole, metavar="N", default=64),
          Option("order", "returns after which a cycle closes", whole, metavar="K", default=2),
@@ -262,7 +261,7 @@ _ALL = (
     ),
     Command(
         "basin", "basins of attraction in a plane of initial states: basin.json, .npz, .png", "regions",
-        (MODEL, PARAMETERS, X_AXIS, Y_AXIS, CELLS,
+        (MODEL, PARAMETERS, *PLANE,
          Option("at", "value of another state; can be repeated", named_numbers, metavar="STATE=VALUE",
                 repeat=True, default={}),
          INTERVAL, *SECTION,
@@ -339,7 +338,7 @@ _ALL = (
         "diagram", "iterates of the event map over a parameter, chaos included: diagram.json, .csv, .png",
         "chaos",
         (MODEL, PARAMETERS, INPUT, *OVER, START[0],
-         Option("count", "number of its values", whole, metavar="N", default=200),
+         Option("count", "number of its values (default 200)", whole, metavar="N"),
          Option("start", "coordinate of the first return; default: the middle of the interval", number,
                 metavar="D"),
          Option("transient", "returns that are dropped", whole, metavar="N", default=200),
@@ -353,13 +352,13 @@ _ALL = (
     Command(
         "tune", "controller gains without limit cycles: tuning.json, samples.csv, tuning.png", "tune",
         (MODEL, PARAMETERS,
-         Option("ranges", "lowest and highest value of a gain; can be repeated", named_ranges,
-                metavar="NAME=LOW:HIGH", repeat=True, default={}),
+         Option("over", "lowest and highest value of a gain; can be repeated", sampled_ranges,
+                metavar="NAME=LOW:HIGH", repeat=True, default={}, former=("ranges",)),
          Option("band", "range of a parameter that has to be free of cycles at both ends; can be repeated",
                 named_ranges, metavar="NAME=LOW:HIGH", repeat=True, default={}),
          Option("identified", "identified.json of `filippov identify`: values and confidence region",
                 text, metavar="FILE"),
-         Option("samples", "samples of the ranges", whole, metavar="N", default=512),
+         Option("samples", "samples of these ranges", whole, metavar="N", default=512),
          Option("seed", "seed of the samples", whole, metavar="N", default=0),
          Option("grid", "values of each gain in the picture", whole, metavar="N", default=24),
          INTERVAL, *SECTION),

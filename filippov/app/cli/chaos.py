@@ -9,7 +9,7 @@ import numpy as np
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import loaded_of
-from filippov.app.cli.sections.along import follows_solution, section_along, varied
+from filippov.app.cli.sections.along import follows_solution, section_along, values_over, varied
 from filippov.app.cli.sections.maps import interval_of, section_of
 from filippov.base.errors import UsageError
 from filippov.plot.lyapunov import plot_brute_force, plot_lyapunov
@@ -49,6 +49,7 @@ def run_diagram(settings: dict[str, Any], console: Console) -> int:
     loaded = loaded_of(settings)
     values = loaded.values(settings["parameters"])
     parameter, low, high = varied(loaded, settings)
+    at = values_over(settings, low, high, 200)
     if follows_solution(loaded, settings):
         section, start = section_along(loaded, settings, values, console, (parameter, low, high))
     else:
@@ -59,7 +60,7 @@ def run_diagram(settings: dict[str, Any], console: Console) -> int:
 
     with console.progress("diagram") as progress:
         found = module.brute_force(
-            loaded.system, section, parameter, np.linspace(low, high, settings["count"]).tolist(),
+            loaded.system, section, parameter, at,
             start,
             transient=settings["transient"], keep=settings["keep"], follow=settings["follow"],
             rtol=settings["rtol"], progress=progress,

@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import Any
 
 from filippov.app.cli.values import (
+    counted_ranges,
     formulas,
-    named_ranges,
     number,
     number_or_formula,
     one_of,
@@ -58,6 +58,7 @@ class Option:
     flags    short and long flag, or the bare name of a positional argument
     repeat   whether the flag can be given several times
     earlier  an earlier name, taken as well
+    former   names that it had, which are refused with the present one
     """
 
     name: str
@@ -69,6 +70,7 @@ class Option:
     flags: tuple[str, ...] = ()
     repeat: bool = False
     earlier: str = ""
+    former: tuple[str, ...] = ()
 
     @property
     def flag(self) -> str:
@@ -92,19 +94,21 @@ def read_file(path: Path) -> dict[str, Any]:
 
 
 def merge(
-    command: str, options: Sequence[Option], given: Mapping[str, Any], commands: Mapping[str, Iterable[str]]
-) -> dict[str, Any]:
+    command: str, options: Sequence[Option], given: Mapping[str, Any], commands: Mapping[str, Iterable[str]],
+    former: Mapping[str, str] | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """The settings of a command.
 
     given     what the command line has, by name; absent: not given. `config` names the file
     commands  the keys of every command, to check the tables of the file
+    former    keys that the file may still have, with what they are called now
 
     Numbers by name (parameters, x0) are merged name by name. Raises UsageError.
     """
     layers: list[tuple[Mapping[str, Any], str]] = []
     if given.get("config") is not None:
         path = Path(given["config"])
-        top, own = _tables(read_file(path), command, commands, str(path))
+        top, own = _tables(read_file(path), command, commands, str(path), former or {})
         layers = [(top, f"{path}: "), (own, f"{path}: {command}.")]
     layers.append((given, ""))
     layers = [(_by_present_names(options, layer, where), where) for layer, where in layers]
@@ -132,15 +136,16 @@ def _by_present_names(options: Sequence[Option], layer: Mapping[str, Any], where
 
 
 def _tables(
-    data: dict[str, Any], command: str, commands: Mapping[str, Iterable[str]], path: str
-) -> tuple[dict[str, Any], dict[str, Any]]:
+    data: dict[str, Any], command: str, commands: Mapping[str, Iterable[str]], path: str,
+    former: Mapping[str, str],
+) -> tuple[dict[str, Any], dict[str, Any]]:  # fmt: skip
     """The top of a file and the command's own table, all names checked."""
     own: dict[str, Any] = {}
     top: dict[str, Any] = {}
     known = [key for key in commands[command] if key != "config"]
     for key, value in data.items():
         if key in commands and isinstance(value, dict):
-            _check(value, [k for k in commands[key] if k != "config"], f"{path}: [{key}]")
+            _check(value, [k for k in commands[key] if k != "config"], f"{path}: [{key}]", former)
             own = value if key == command else own
         elif key in known:
             top[key] = value
@@ -151,12 +156,14 @@ def _tables(
                     f"{path}: {key!r} is no setting of {command}; it belongs to {', '.join(others)}. "
                     f"Put it into a table [{others[0]}]."
                 )
-            _check({key: value}, [*known, *commands], path)
+            _check({key: value}, [*known, *commands], path, former)
     return top, own
 
 
-def _check(given: Iterable[str], known: Sequence[str], where: str) -> None:
+def _check(given: Iterable[str], known: Sequence[str], where: str, former: Mapping[str, str]) -> None:
     for key in given:
+        if former.get(key) in known and key not in known:
+            raise UsageError(f"{where}: {key!r} is now written {former[key]!r}.")
         if key not in known:
             raise UsageError(f"{where}: {unknown('setting', key, known)}")
 
@@ -231,23 +238,26 @@ SECTION = (
            "x=d,v=0", formulas, metavar="FORMULAS", earlier="lift"),
     Option("t_max", "longest time of a return", number, metavar="T"),
 )  # fmt: skip
-X_AXIS = Option("x", "horizontal axis: name with its first and last value", named_ranges,
-                metavar="NAME=LOW:HIGH", default={})  # fmt: skip
-Y_AXIS = Option("y", "vertical axis", named_ranges, metavar="NAME=LOW:HIGH", default={})
-CELLS = Option("cells", "cells along each axis", whole, metavar="N", default=60)
+PLANE = (
+    Option("over", "an axis: its name, first and last value, and where wanted the number of cells; given "
+           "twice, the horizontal one first", counted_ranges, metavar="NAME=LOW:HIGH[:COUNT]", repeat=True,
+           default={}, former=("x", "y")),
+    Option("cells", "cells along each axis, in place of a number in --over (default 60)", whole, metavar="N"),
+)  # fmt: skip
 INTERVAL = Option("interval", "interval of the section's coordinate", pair, metavar=("LO", "HI"), count=2)
-VARY = (
-    Option("vary", "values of a parameter, or of an initial state as x0.NAME; LOW:HIGH:COUNT, LOW:HIGH for "
+POINTS = (
+    Option("over", "values of a parameter, or of an initial state as x0.NAME; LOW:HIGH:COUNT, LOW:HIGH for "
            "samples that are drawn, or lists in the file; can be repeated", varied,
-           metavar="NAME=LOW:HIGH:COUNT", repeat=True, default={}),
+           metavar="NAME=LOW:HIGH:COUNT", repeat=True, default={}, former=("vary",)),
     choice("samples", "every combination, the values pair by pair, or n points drawn between the ends",
            "grid", "list", "latin_hypercube", "sobol", default="grid"),
     Option("n", "number of points that are drawn", whole, metavar="N", flags=("-n", "--n")),
     Option("seed", "seed of points that are drawn", whole_or_zero, metavar="N", default=0),
 )  # fmt: skip
 OVER = (
-    Option("over", "parameter that is varied, with its first and last value; as --parameter and --values",
-           named_ranges, metavar="NAME=LOW:HIGH", repeat=True, default={}),
+    Option("over", "parameter that is varied, with its first and last value, and where wanted their number; "
+           "as --parameter, --values and --count", counted_ranges, metavar="NAME=LOW:HIGH[:COUNT]",
+           repeat=True, default={}),
     Option("parameter", "parameter that is varied", text, metavar="NAME"),
     Option("values", "its first and last value", pair, metavar=("LO", "HI"), count=2),
 )  # fmt: skip

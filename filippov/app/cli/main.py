@@ -173,6 +173,19 @@ def _span(options: Sequence[Option], flag: str) -> str:
     return "the times of a run are --t-span T0 T1, such as --t-span 0 5" if flag in _ENDS and has else ""
 
 
+def _renamed(options: Sequence[Option], argv: Sequence[str]) -> str:
+    """What to write for flags that are called otherwise now, with the values that they were given."""
+    now = {f"--{former}": q.flag for q in options for former in q.former}
+    old: list[str] = []
+    new: list[str] = []
+    for word, after in zip(argv, [*argv[1:], ""], strict=True):
+        flag, equals, value = word.partition("=")
+        if flag in now:
+            value = value if equals else "" if after.startswith("--") else after
+            old, new = [*dict.fromkeys((*old, flag))], [*new, f"{now[flag]} {value}".strip()]
+    return f"{' and '.join(old)} {'are' if old[1:] else 'is'} now written {' '.join(new)}" if old else ""
+
+
 def _elsewhere(name: str | None, flag: str, known: Mapping[str, Command]) -> str:
     """Which commands have a flag that this one has not, and what stands for a span where there is none."""
     if name is None:
@@ -236,9 +249,8 @@ def _main(argv: list[str], show: dict[str, bool], for_good: bool) -> int:
         if word.startswith("-") and not _NEGATIVE.match(word):
             own = known[given["command"]].settings if given.get("command") else ()
             flag = word.split("=")[0]
-            hint = _span(own, flag) or _elsewhere(given.get("command"), flag, known)
-            hint = hint or _PARAMETERS.get(flag, "")
-            hint = hint or closest(flag, part.words) or _choice(own, word)
+            hint = _renamed(own, argv) or _span(own, flag) or _elsewhere(given.get("command"), flag, known)
+            hint = hint or _PARAMETERS.get(flag, "") or closest(flag, part.words) or _choice(own, word)
         else:
             hint = _joined(argv, word) or "expected no more"
         raise UsageError(f"unknown argument {word!r}{'; ' + hint if hint else ''} (see {part.prog} --help)")
@@ -248,7 +260,8 @@ def _main(argv: list[str], show: dict[str, bool], for_good: bool) -> int:
         name: [key for option in other.settings for key in (option.name, option.earlier) if key]
         for name, other in known.items()
     }
-    settings = merge(command.name, command.settings, given, keys)
+    former = {old: q.name for other in known.values() for q in other.settings for old in q.former}
+    settings = merge(command.name, command.settings, given, keys, former)
     show["traceback"] = settings["traceback"]
     console = Console(settings["json"] is True, settings["quiet"])
     show["begun"] = True

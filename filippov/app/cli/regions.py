@@ -9,22 +9,31 @@ import numpy as np
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded, load_model, loaded_of
-from filippov.app.cli.sections.along import OF_A_STROBE, follows_solution, section_along
+from filippov.app.cli.sections.along import OF_A_STROBE, follows_solution, number_of, section_along
 from filippov.app.cli.sections.maps import CONDITION, PARTS, interval_of, section_of
 from filippov.app.cli.sweep import engine
 from filippov.base.errors import UsageError
 from filippov.plot.regions import plot_basin, plot_periods, plot_regions
 
+# Along each axis where nothing is said.
+CELLS = 60
+
 
 def _axes(settings: dict[str, Any], what: str) -> list[tuple[str, list[float]]]:
-    axes = []
-    for flag in ("x", "y"):
-        if len(settings[flag]) != 1:
-            raise UsageError(f"which {what}? give --{flag} NAME=LOW:HIGH, one name.")
-        ((name, (low, high)),) = settings[flag].items()
+    """The two axes of --over, the horizontal one first. Raises UsageError."""
+    over, axes = settings["over"], []
+    if len(over) != 2:
+        raise UsageError(
+            f"which {what}? give --over NAME=LOW:HIGH for each of the two axes, the horizontal one first"
+            + (f"; given {', '.join(over)}." if over else ".")
+        )
+    for name, (low, high, said) in over.items():
         if not low < high:
-            raise UsageError(f"--{flag} is {name}={low:g}:{high:g}, expected LOW < HIGH.")
-        axes.append((name, np.linspace(low, high, settings["cells"]).tolist()))
+            raise UsageError(f"--over is {name}={low:g}:{high:g}, expected LOW < HIGH.")
+        cells = number_of(said, settings["cells"], "cells") or CELLS
+        # A sweep writes initial states as x0.NAME; the plane of a basin has no other ones.
+        own = name.removeprefix("x0.") if what == "states" else name
+        axes.append((own, np.linspace(low, high, cells).tolist()))
     return axes
 
 

@@ -33,7 +33,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     """Compute every point, or those that an earlier run left; 3 where some failed, 130 interrupted."""
     problem, options = _start(settings)
     sweep = Sweep(
-        problem, settings["vary"], settings["samples"], measure=settings["measure"], n=settings["n"],
+        problem, settings["over"], settings["samples"], measure=settings["measure"], n=settings["n"],
         seed=settings["seed"], tail=settings["tail"], reduce=settings["reduce"], **options,
     )  # fmt: skip
     if settings["samples"] in ("grid", "list"):
@@ -87,7 +87,7 @@ def run_ensemble(settings: dict[str, Any], console: Console) -> int:
     """Write where every trajectory ends; 3 where some failed, 130 interrupted."""
     problem, options = _start(settings)
     sweep = Sweep(
-        problem, settings["vary"], settings["samples"], n=settings["n"], seed=settings["seed"], **options
+        problem, settings["over"], settings["samples"], n=settings["n"], seed=settings["seed"], **options
     )
     folder = Folder(settings["output"], console)
     x0, values = split(sweep.plan, np.arange(len(sweep.points)))
@@ -133,10 +133,10 @@ def engine(settings: dict[str, Any], folder: Folder) -> dict[str, Any] | None:
 def _start(settings: dict[str, Any]) -> tuple[Problem, dict[str, Any]]:
     """The template and the solver's options. What is varied needs no value of its own."""
     loaded = loaded_of(settings)
-    vary = settings["vary"]
-    if not vary:
-        raise UsageError("nothing is varied; give --vary NAME=LOW:HIGH:COUNT, or a table [sweep.vary].")
-    first = {name.removeprefix("x0."): values[0] for name, values in vary.items() if name.startswith("x0.")}
+    over = settings["over"]
+    if not over:
+        raise UsageError("nothing is varied; give --over NAME=LOW:HIGH:COUNT, or a table [sweep.over].")
+    first = {name.removeprefix("x0."): values[0] for name, values in over.items() if name.startswith("x0.")}
     x0 = settings["x0"]
     if loaded.x0 is None and not isinstance(x0, list):
         x0 = {**first, **(x0 or {})}

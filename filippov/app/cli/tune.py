@@ -51,9 +51,9 @@ def identified(path: str, known: tuple[str, ...]) -> tuple[dict[str, float], lis
 def run(settings: dict[str, Any], console: Console) -> int:
     """Write the answer, the samples and a picture of the gains."""
     loaded = load_model(settings["model"])
-    ranges = settings["ranges"]
+    ranges = settings["over"]
     if not ranges:
-        raise UsageError("which gains? give --ranges P=5:60 for each, lowest and highest value.")
+        raise UsageError("which gains? give --over P=5:60 for each, lowest and highest value.")
     own: dict[str, float] = {}
     ends: list[dict[str, float]] = []
     if settings["identified"] is not None:

@@ -106,28 +106,39 @@ def named_numbers(value: Any, name: str) -> dict[str, float]:
 
 def named_ranges(value: Any, name: str) -> dict[str, tuple[float, float]]:
     """Ranges by name: a table of pairs, "P=5:60", or ["P=5:60", "D=1:2"]."""
-    out = {}
+    return {key: _ends(item, key, name) for key, item in named(value, name).items()}
+
+
+def sampled_ranges(value: Any, name: str) -> dict[str, tuple[float, float]]:
+    """The same, of ranges from which samples are drawn."""
+    return {key: _ends(item, key, name, "--samples") for key, item in named(value, name).items()}
+
+
+def counted_ranges(value: Any, name: str) -> dict[str, tuple[float, float, int | None]]:
+    """Ranges by name, each with the number of its values or None: "P=5:60:12", "P=5:60", or a table."""
+    out: dict[str, tuple[float, float, int | None]] = {}
     for key, item in named(value, name).items():
-        ends = item.split(":") if isinstance(item, str) else item
-        if not isinstance(ends, list | tuple) or len(ends) != 2:
-            raise UsageError(f"{name}: {key} is {item!r}, expected LOW:HIGH.{_counted(name, key, ends)}")
-        low, high = (number(end, f"{name}: {key}") for end in ends)
-        if not low <= high:
-            raise UsageError(f"{name}: {key} is {item!r}, expected LOW <= HIGH.")
-        out[key] = (low, high)
+        parted = item.split(":") if isinstance(item, str) else item
+        counted = isinstance(parted, list | tuple) and len(parted) == 3
+        low, high = _ends(parted[:2] if counted else item, key, name, form="LOW:HIGH or LOW:HIGH:COUNT")
+        out[key] = (low, high, whole(parted[2], f"{name}: {key}") if counted else None)
     return out
 
 
-# The flag that says how many values lie between the ends of a range.
-_COUNTS = {"over": "count", "x": "cells", "y": "cells", "ranges": "samples"}
-
-
-def _counted(name: str, key: str, ends: Any) -> str:
-    """What to write where a count was given with a range."""
-    flag = _COUNTS.get(name.lstrip("-"))
-    if flag is None or not isinstance(ends, list) or len(ends) != 3:
-        return ""
-    return f" How many values is a flag of its own: {name} {key}={ends[0]}:{ends[1]} --{flag} {ends[2]}"
+def _ends(item: Any, key: str, name: str, draws: str = "", form: str = "LOW:HIGH") -> tuple[float, float]:
+    """LOW:HIGH, or two numbers; draws: the flag that says how many samples are drawn from it."""
+    ends = item.split(":") if isinstance(item, str) else item
+    if not isinstance(ends, list | tuple) or len(ends) != 2:
+        cure = ""
+        if isinstance(ends, list) and len(ends) == 3:
+            cure = f" Here it has no number of values: write {key}={ends[0]}:{ends[1]}" + (
+                f" {draws} {ends[2]}." if draws else "."
+            )
+        raise UsageError(f"{name}: {key} is {item!r}, expected {form}.{cure}")
+    low, high = (number(end, f"{name}: {key}") for end in ends)
+    if not low <= high:
+        raise UsageError(f"{name}: {key} is {item!r}, expected LOW <= HIGH.")
+    return low, high
 
 
 def varied(value: Any, name: str) -> dict[str, list[float]]:

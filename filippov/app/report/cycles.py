@@ -209,7 +209,7 @@ def region_map(run: StudyRun) -> Chapter:
             cells.set_rasterized(False)
         return figure
 
-    command = f"`filippov regions {run.model.name} --x {across}=... --y {up}=...`"
+    command = f"`filippov regions {run.model.name} --over {across}=... --over {up}=...`"
     picture = Picture("regions", f"Number of cycles over {across} and {up}", command, draw)
     return Chapter(
         "regions", f"Regions of {across} and {up}", [picture], summary={"regions": found.to_dict()}

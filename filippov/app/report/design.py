@@ -73,7 +73,7 @@ def settings(run: StudyRun) -> Chapter:
     facts = {f"margin_{k}": t.margin for k, (_, t) in enumerate(found) if t.best}
     facts |= {f"best_{k}_{n}": v for k, (_, t) in enumerate(found) for n, v in (t.best or {}).items()}
     ranges = ", ".join(f"{n} = {a:g} ... {b:g}" for n, (a, b) in study.ranges.items())
-    command = f"`filippov tune {run.model.name} --ranges ...`"
+    command = f"`filippov tune {run.model.name} --over ...`"
 
     def draw() -> Figure:
         figure = plot_ratio_maps([shown], tuning=first[1], title=first[0].label)

@@ -37,10 +37,25 @@ def varied(loaded: Loaded, settings: dict[str, Any]) -> tuple[str, float, float]
         raise UsageError(unknown("parameter", name, loaded.system.parameters))
     if not over and values is None:
         raise UsageError(f"over which values of {name}? give --over {name}=LOW:HIGH, or --values LO HI.")
-    low, high = over.get(name, values)
+    low, high = over.get(name, values)[:2]
     for value in (low, high):
         loaded.values({name: value})
     return name, low, high
+
+
+def values_over(settings: dict[str, Any], low: float, high: float, count: int) -> list[float]:
+    """Equally spaced values of what is varied; count: how many where neither --over nor --count says."""
+    (said,) = [span[2] for span in settings["over"].values()] or [None]
+    count = number_of(said, settings["count"], "count") or count
+    values: list[float] = np.linspace(low, high, count).tolist()
+    return values
+
+
+def number_of(said: int | None, flag: int | None, name: str) -> int | None:
+    """The number of values of --over, or of its flag. Raises UsageError where both are given."""
+    if said is not None and flag is not None:
+        raise UsageError(f"--over has {said} values, and --{name} is {flag}; give one or the other.")
+    return flag if said is None else said
 
 
 def follows_solution(loaded: Loaded, settings: dict[str, Any]) -> bool:

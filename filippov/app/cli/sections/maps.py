@@ -10,7 +10,7 @@ import numpy as np
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded, loaded_of
-from filippov.app.cli.sections.along import follows_solution, section_along, suggestion, varied
+from filippov.app.cli.sections.along import follows_solution, section_along, suggestion, values_over, varied
 from filippov.app.cli.sections.return_pairs import run_return_pairs
 from filippov.app.cli.sweep import engine
 from filippov.base.errors import ModelError, UsageError
@@ -124,6 +124,7 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
     loaded = loaded_of(settings)
     values = loaded.values(settings["parameters"])
     parameter, low, high = varied(loaded, settings)
+    at = values_over(settings, low, high, 22)
     x0 = interval = None
     if follows_solution(loaded, settings):
         section, x0 = section_along(loaded, settings, values, console, (parameter, low, high))
@@ -136,7 +137,7 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
     with console.progress("bifurcation") as progress:
         diagram = module.bifurcation(
             loaded.system, section, parameter=parameter,
-            values=np.linspace(low, high, settings["count"]).tolist(),
+            values=at,
             interval=interval, x0=x0, parameters={k: v for k, v in values.items() if k != parameter},
             engine=None if x0 is not None else engine(settings, folder), progress=progress, **options,
         )  # fmt: skip
