@@ -32,4 +32,5 @@ def driven_mass(friction: FrictionLaw = REFERENCE_LAW, m: float = 1.0) -> System
         {x: p.interval * v, v: p.interval * force / p.m},
         surfaces=friction.surfaces(v, p),
         parameters=p,
+        labels={"x": "position [m]", "v": "velocity [m/s]"},
     )

@@ -2,16 +2,36 @@
 
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
 
-from filippov import Parameter, Surface, System, analysis, parameters, plot, sign, solve, states
+from filippov import (
+    Parameter,
+    Surface,
+    System,
+    UsageError,
+    analysis,
+    parameters,
+    plot,
+    sign,
+    solve,
+    states,
+    t,
+)
 from filippov.graphs import observed_graph
-from filippov.models import get
+from filippov.models import Coulomb, get
+from filippov.models.driven import driven_mass
 
 HUNTING = get("hunting")
 SYSTEM = HUNTING.build()
 SECTION = analysis.Section.from_model(HUNTING)
 P = ("P", np.array([10.0, 26.0]))
 I = ("I", np.array([8.0, 10.0]))
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
 
 
 def axes_of(figure):
@@ -115,6 +135,53 @@ def test_durations_of_an_observed_graph():
     figure = plot.plot_graph(observed_graph(solve(SYSTEM, HUNTING.x0, (0, 5))))
     told = [ax.get_legend().get_title().get_text() for ax in figure.axes if ax.get_legend()]
     assert told == ["in a mode: times entered × mean duration [s]"]
+
+
+V = np.linspace(0.1, 2.0, 12)
+
+
+def fitted_figures(system, force):
+    """The figures of a curve and of a record, v' = -2 from 1 for half a unit of time."""
+    t = np.linspace(0.0, 0.45, 10)
+    curve = analysis.identify_curve(analysis.Curve(V, 2.0 + 0.0 * V), system, ["Fc"])
+    record = analysis.Record(t, t - t**2, 0.0 * t)
+    free = analysis.identify(record, system, ["Fc"], windows=1, hold="zero")
+    yield plot.plot_identification(curve, force, points=(V, 2.0 + 0.0 * V))
+    yield plot.plot_identification(free, force)
+
+
+def test_an_identification_has_the_units_of_its_system():
+    law = driven_mass(Coulomb(2.0))
+    curve, record = fitted_figures(law, lambda v, q: q["Fc"] * np.sign(v))
+    wanted = ("velocity [m/s]", "friction force [N]")
+    assert axes_of(curve) == [wanted]
+    assert axes_of(record) == [("time [s]", "residual [m]"), wanted]
+
+
+@pytest.mark.parametrize("units", [{}, {"force": "N m", "interval": "ms"}])
+def test_an_identification_in_other_units_or_none(units):
+    """A motor's rotor: an angle, a torque; or no unit at all."""
+    x, v = states("x v")
+    of_input = {"force": 0.0, "change": 0.0, "bend": 0.0, "twist": 0.0, "interval": 1.0}
+    p = parameters(m=1.0, Fc=1.5, **{n: Parameter(q, units.get(n, "")) for n, q in of_input.items()})
+    u = p.force + t * (p.change + t * (p.bend + t * p.twist))
+    labels = {"x": "angle [rad]", "v": "speed [rad/ms]"} if units else None
+    rotor = System({x: p.interval * v, v: p.interval * (u - p.Fc * sign(v)) / p.m}, labels=labels)
+    curve, record = fitted_figures(rotor, lambda v, q: q["Fc"] * np.sign(v))
+    wanted = ("speed [rad/ms]", "friction force [N m]") if units else ("velocity", "friction force")
+    assert axes_of(curve) == [wanted]
+    residual = ("time [ms]", "residual [rad]") if units else ("time", "residual")
+    assert axes_of(record) == [residual, wanted]
+    assert record.axes[0].get_ylabel() == ("angle [rad]" if units else "position")
+
+
+def test_labels_of_an_identification():
+    found = analysis.identify_curve(analysis.Curve(V, 2.0 + 0.0 * V), driven_mass(Coulomb(2.0)), ["Fc"])
+    figure = plot.plot_identification(found, lambda v, q: q["Fc"] * np.sign(v), points=(V, V),
+                                      labels={"force": "torque [N m]"})  # fmt: skip
+    assert axes_of(figure) == [("velocity [m/s]", "torque [N m]")]
+    with pytest.raises(UsageError, match="unknown label 'forces'; did you mean 'force'"):
+        plot.plot_identification(found, lambda v, q: v, labels={"forces": ""})
 
 
 def test_a_cycle_that_a_basin_belongs_to_has_a_unit():

@@ -16,6 +16,7 @@ from filippov.analysis.estimation.identification import (
     check_names,
     estimate,
     given_values,
+    labels_of,
     parameter_bounds,
 )
 from filippov.analysis.estimation.record import Curve
@@ -98,4 +99,4 @@ def identify_curve(
         names, best.x, residual, best.jac, level, v[order], friction[order], (friction - residual)[order],
         bool(best.success), str(best.message),
     )  # fmt: skip
-    return replace(found, fixed=given_values(fixed))
+    return replace(found, fixed=given_values(fixed), labels=labels_of(system))

@@ -30,6 +30,7 @@ from filippov.analysis.estimation.misfit import DOUBTED, Test, misfit_tests, ref
 from filippov.analysis.estimation.record import Record
 from filippov.analysis.estimation.residual_noise import degrees_of_freedom, generalised
 from filippov.base.errors import UsageError
+from filippov.base.escape import figure_text
 from filippov.base.given import Count, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
@@ -55,6 +56,7 @@ class Identified(Shown):
     tests        p of each test of the residuals, by what they must not depend on
     refused      the sentence that refuses the law, "" where it stands; errors and intervals are then infinite
     fixed        values that were given
+    labels       of "t", "x", "v" and "force", with the units of the system, for figures
     """
 
     values: dict[str, float]
@@ -74,6 +76,7 @@ class Identified(Shown):
     tests: dict[str, float] = field(default_factory=dict)
     refused: str = ""
     fixed: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def residual(self) -> Array:
@@ -166,7 +169,8 @@ def identify(
             again = attempt(other)
             if again[0].success and again[0].noise.log > fit.noise.log:
                 (fit, tests), kind = again, other
-    return replace(_identified(names, fit, tests, kind, level, record), fixed=given_values(fixed))
+    found = _identified(names, fit, tests, kind, level, record)
+    return replace(found, fixed=given_values(fixed), labels=labels_of(system))
 
 
 def _identified(
@@ -203,6 +207,15 @@ def _identified(
 def given_values(fixed: Values | None) -> dict[str, float]:
     """Values by name as plain numbers."""
     return {name: float(value) for name, value in dict(fixed or {}).items()}
+
+
+def labels_of(system: System) -> dict[str, str]:
+    """Labels of what is measured, with units where the system has them: of its states, or its input."""
+    told = {"t": "time", "x": "position", "v": "velocity", "force": "friction force"}
+    told |= {name: system.labels[name] for name in ("x", "v") if name in system.labels}
+    # Its own t is the part of a sampling interval.
+    units = {name: system.parameters[q].unit for name, q in (("t", "interval"), ("force", "force"))}
+    return told | {name: figure_text(f"{told[name]} [{unit}]") for name, unit in units.items() if unit}
 
 
 def parameter_bounds(system: System, names: Sequence[str]) -> tuple[Array, Array]:
