@@ -10,6 +10,7 @@ from filippov import (
     System,
     UsageError,
     analysis,
+    exp,
     parameters,
     plot,
     sign,
@@ -182,6 +183,54 @@ def test_labels_of_an_identification():
     assert axes_of(figure) == [("velocity [m/s]", "torque [N m]")]
     with pytest.raises(UsageError, match="unknown label 'forces'; did you mean 'force'"):
         plot.plot_identification(found, lambda v, q: v, labels={"forces": ""})
+
+
+BELT = parameters(vb=Parameter(0.1, "mm/s"))
+
+
+def belt(labels):
+    """A block on a belt: h = v - vb has the unit of v, the way slipped that of x."""
+    x, v = states("x v")
+    rel = v - BELT.vb
+    return System({x: v, v: -x - 0.3 * sign(rel)}, surfaces=[Surface("belt", rel)], labels=labels)
+
+
+LABELLED = {"x": "position [mm]", "v": "velocity [mm/s]", "t": "time [s]"}
+
+
+@pytest.mark.parametrize(
+    ("labels", "against", "quantity", "wanted"),
+    [
+        (LABELLED, ["band"], "drift", ("half-width [mm/s]", "drift in stick [mm]")),
+        (LABELLED, ["moreau"], "error_times", ("step [s]", "error of event times [s]")),
+        (LABELLED, ["band", "moreau"], "error_final",
+         ("half-width [mm/s], or step [s]", "error of the final state over its extent")),
+        (None, ["band"], "drift", ("half-width", "drift in stick")),
+    ],
+)  # fmt: skip
+def test_a_comparison_of_solutions_has_the_units_of_its_system(labels, against, quantity, wanted):
+    found = analysis.compare(belt(labels), (0.5, 0.0), (0.0, 3.0), against=against, widths=(1e-2, 1e-3))
+    figure = found.plot(quantity=quantity)
+    drawn = [(ax.get_xlabel(), ax.get_ylabel().replace("\n", " ")) for ax in figure.axes]
+    assert wanted in drawn
+    gap = next(ax.get_ylabel() for ax in figure.axes if "|error of x|" in ax.get_ylabel())
+    assert gap == ("|error of x|\n[mm]" if labels else "|error of x|")
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1.0, " [mm/s]"), (2.0, "")])
+def test_a_comparison_over_a_section_has_the_units_of_its_system(scale, unit):
+    """2 v has no unit that is written anywhere."""
+    x, v = states("x v")
+    rel = v - 0.3
+    block = System({x: v, v: -25 * x - 2 * (1 + exp(-abs(rel) / 0.1)) * sign(rel)},
+                   surfaces=[Surface("belt", scale * rel)], labels=LABELLED)  # fmt: skip
+    section = analysis.Section("belt", "sliding entry", "x", {"x": "d", "v": "0.3"})
+    found = analysis.compare(
+        block, section, widths=(1e-3,), interval=(-0.15, 0.1), comparators=("band",), repeats=1
+    )
+    drawn = [(ax.get_xlabel(), ax.get_ylabel()) for ax in found.plot().axes]
+    errors = ["error of R(d) [mm]", "drift during stick [mm]", "field calls"]
+    assert drawn == [(f"half-width of the band{unit}", error) for error in errors]
 
 
 def test_a_cycle_that_a_basin_belongs_to_has_a_unit():

@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.comparisons.band_model import BandModel, comparator_models
+from filippov.analysis.comparisons.comparison_labels import section_labels
 from filippov.analysis.comparisons.comparison_result import Comparison
 from filippov.analysis.comparisons.comparison_run import (
     BandRun,
@@ -129,7 +130,8 @@ def compare_sections(
     if progress is not None:
         progress(total, total)
     return Comparison(
-        tuple(rows), section.coordinate, tuple(run.d.tolist()), run.points, rtol, run.parameters
+        tuple(rows), section.coordinate, tuple(run.d.tolist()), run.points, rtol, run.parameters,
+        section_labels(exact, section, position is None),
     )
 
 

@@ -62,6 +62,7 @@ class Comparison(Shown, Answering):
                  None where there is no value
     coordinate   name of the section's coordinate; coordinates: the d compared
     points       the exact fixed points; parameters: values by name, of the exact system
+    labels       of the axes of its figure, with the units of the exact system
     """
 
     rows: tuple[dict[str, Any], ...]
@@ -70,6 +71,7 @@ class Comparison(Shown, Answering):
     points: tuple[Any, ...]
     rtol: float
     parameters: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def trends(self) -> tuple[Trend, ...]:

@@ -70,7 +70,7 @@ class EventReader:
     def __init__(self, exact: System, p: Array) -> None:
         names = [q.name for q in exact.surfaces if q.kind == "switching"]
         self.readers = {name: Reader(exact, name, p) for name in names}
-        self.places = {name: _place(exact, name) for name in names}
+        self.places = {name: place_of(exact, name) for name in names}
 
     def exact(self, solution: Solution) -> tuple[Read, ...]:
         """What is read of the exact solution."""
@@ -156,7 +156,7 @@ def _nodes(solution: Solution) -> Array:
     return np.append(solution.t[::every], solution.t[-1])
 
 
-def _place(system: System, surface: str) -> tuple[int, int, float] | None:
+def place_of(system: System, surface: str) -> tuple[int, int, float] | None:
     """(k, j, c) where state k has the rate x_j and h = c (x_j - w), w without states; None where none has."""
     form = system.symbolic
     if form is None:

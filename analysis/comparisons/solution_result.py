@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -69,6 +69,7 @@ class SolutionComparison(Shown, Answering):
     faults     a sentence for each qualitative difference, at the narrowest width that has it
     needed     the widths for the requested accuracy
     exact      the exact Solution; solutions: those of the widest width by model
+    labels     of the width and the errors, with the units of the exact system, for figures
     """
 
     rows: tuple[dict[str, Any], ...]
@@ -77,6 +78,7 @@ class SolutionComparison(Shown, Answering):
     exact: Solution
     solutions: Mapping[str, Solution]
     left: tuple[str, ...] = ()
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def motions(self) -> Mapping[str, Solution]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from filippov.analysis.comparisons.approximation import ALPHA, UNFIT, Unfit, approximations
+from filippov.analysis.comparisons.comparison_labels import solution_labels
 from filippov.analysis.comparisons.solution_faults import faults
 from filippov.analysis.comparisons.solution_result import Needed, SolutionComparison
 from filippov.analysis.comparisons.solution_run import (
@@ -117,7 +118,9 @@ def compare_solutions(
             needs.append(Needed(model.name, quantity, accuracy, width_found, error, ratio, widest))
     if progress is not None:
         progress(total, total)
-    return SolutionComparison(tuple(rows), tuple(wrong), tuple(needs), exact.fine, shown, tuple(left))
+    timed = [model.timed for model in models if not isinstance(model, Unfit)]
+    labels = solution_labels(system.exact, list(exact.reader.readers), timed)
+    return SolutionComparison(tuple(rows), tuple(wrong), tuple(needs), exact.fine, shown, tuple(left), labels)
 
 
 compare_motions = compare_solutions  # its earlier name

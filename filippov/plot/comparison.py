@@ -35,9 +35,10 @@ def plot_comparison(
     One colour per model, one mark per combination of its options; the exact system's own uncertainty and work
     are dashed lines.
 
-    labels  {"width": ..., "error_R": ..., "drift": ..., "field_calls": ...} of the axes, with units
+    labels  {"width": ..., "error_R": ..., "drift": ..., "field_calls": ...} of the axes; default: with the
+            units of the exact system
     """
-    text = {"width": "half-width of the band", **dict(_PANELS)}
+    text = {"width": "half-width of the band", **dict(_PANELS), **getattr(comparison, "labels", {})}
     check_known("label", labels or {}, text, UsageError)
     text |= labels or {}
     trends = list(comparison.trends)
@@ -55,7 +56,7 @@ def plot_comparison(
                 exponent = next((q.order for q in own if q.quantity == quantity), None)
                 look = _look(label, model, families, models)
                 at = _line(ax, comparison.rows, own[0], quantity, look, models.index(model))
-                told = ("" if exponent is None else f"{exponent:.2f}", look["color"])
+                told = ("" if exponent is None else f"{round(exponent, 2) + 0.0:.2f}", look["color"])
                 # What lines of one model have in common is said once.
                 if at is not None and exponent is not None and all(told != order[2:] for order in orders):
                     orders.append((*at, *told))

@@ -12,7 +12,7 @@ import numpy as np
 
 from filippov.base.keywords import keywords
 from filippov.plot.results import result_of
-from filippov.plot.style import GREY, INK, SERIES, axis_label, log_ticks, new_figure, style
+from filippov.plot.style import GREY, INK, SERIES, axis_label, log_ticks, new_figure, panel_label, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,9 +64,10 @@ def plot_solution_comparison(
         gaps.set(yscale="log", xlabel=axis_label(exact.system, "t"), xlim=(t[0], t[-1]))
         gaps.set_ylabel(f"|error of {name}|{chr(10) + label[label.index('[') :] if '[' in label else ''}")
         _floor(gaps)
-        what = quantity.replace("_", " ").replace("error", "error of")
-        left.set(xscale="log", yscale="log", xlabel="width", ylabel=what)
-        right.set(xscale="log", yscale="log", xlabel="field calls", ylabel=what)
+        labels = getattr(comparison, "labels", {})
+        what = labels.get(quantity, quantity.replace("_", " ").replace("error", "error of"))
+        left.set(xscale="log", yscale="log", xlabel=labels.get("width", "width"), ylabel=panel_label(what))
+        right.set(xscale="log", yscale="log", xlabel="field calls", ylabel=panel_label(what))
         left.invert_xaxis()
         _reference(left, right, comparison.rows[0], quantity)
         log_ticks(right.xaxis)
