@@ -424,7 +424,7 @@ COMMANDS: dict[str, tuple[list[str], str, str]] = {
     "choice": (["graph", "hunting", "--observed"], "'--observed'", "--kind observed"),
     "spoilt": (["simulate", "spoilt.py:s"], "line 2", "if __name__ == '__main__':"),
     "program": (["diagnose", "own.py:s"], "a program", "--x0 1,0 and --t-span T0 T1"),
-    "range": (["diagram", "own.py:s", "--over", "m=0:1:20"], "m is '0:1:20'", "LOW:HIGH"),
+    "range": (["diagram", "own.py:s", "--over", "m=0:1:20:2"], "m is '0:1:20:2'", "LOW:HIGH:COUNT"),
     "backwards": (["simulate", "own.py:s", "--x0", "1,0", "--t-span", "1", "0"], "backwards", "backward"),
     "parameter": (["simulate", "hunting", "-p", "p=2"], "'p'", "did you mean 'P'"),
     "command": (["simulat", "hunting"], "simulat", "simulate"),

@@ -8,9 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from filippov import ModelError, Problem, Stop, Sweep, System, UsageError, sign, solve, states
+from filippov import (
+    EventKind,
+    ModelError,
+    Problem,
+    Status,
+    Stop,
+    Sweep,
+    System,
+    UsageError,
+    sign,
+    solve,
+    states,
+)
 from filippov.analysis import EventMap, Section, compare, tune
 from filippov.app.cli.main import main
+from filippov.graphs import load_graph
 
 x, v = states("x v")
 MASS = System({x: v, v: -x - 0.2 * sign(v)})
@@ -41,6 +54,13 @@ MISTAKES: dict[str, tuple[Callable[[], object], str, str]] = {
         lambda: tune(MASS, SECTION, ranges={"P": (1, 2)}, interval=(0, 1)), "ranges is over now",
         "write over={",
     ),
+    "a kind of event": (lambda: EventKind("stick"), "unknown kind of event 'stick'", "Write 'sliding entry'"),
+    "a misspelt kind": (lambda: EventKind("crosing"), "unknown kind of event 'crosing'", "mean 'crossing'"),
+    "a status": (lambda: Status("sucess"), "unknown status 'sucess'", "did you mean 'success'"),
+    "a graph that is not there": (
+        lambda: load_graph("nowhere.json"), "'nowhere.json' cannot be read (No such file", "give its path",
+    ),
+    "a folder for a graph": (lambda: load_graph("."), "'.' cannot be read (Is a directory", "as save_graph("),
     "section by its name": (lambda: EventMap(MASS, "v"), "section is 'v'", "find_section(system, x0)"),
 }  # fmt: skip
 COMMANDS: dict[str, tuple[str, str, str]] = {

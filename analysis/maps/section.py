@@ -15,9 +15,10 @@ from filippov.analysis.maps.coordinate import Coordinate
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.keywords import constructor
 from filippov.base.names import unknown
+from filippov.base.status import no_kind
 from filippov.model.expression import parse_expression
 from filippov.model.system import System
-from filippov.solving.state.events import STOP_KINDS, Stop, no_kind, turned
+from filippov.solving.state.events import STOP_KINDS, Stop, turned
 
 Array = npt.NDArray[np.float64]
 # A Dummy: a parameter of the system may be called d as well.

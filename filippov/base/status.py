@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import StrEnum
+from typing import NoReturn
+
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
 
 
 class Status(StrEnum):
@@ -24,6 +29,10 @@ class Status(StrEnum):
     NO_RETURN = "no_return"
     BRANCHES = "branches"
     ERROR = "error"
+
+    @classmethod
+    def _missing_(cls, value: object) -> NoReturn:
+        raise UsageError(unknown("status", value, [str(status) for status in cls]))
 
     @property
     def ok(self) -> bool:
@@ -98,6 +107,24 @@ class EventKind(StrEnum):
     RESET = "reset"
     TIME = "time event"
     USER = "user event"
+
+    @classmethod
+    def _missing_(cls, value: object) -> NoReturn:
+        raise UsageError(no_kind(value, [str(kind) for kind in cls]))
+
+
+# What the kinds of events are also called.
+_CALLED = {
+    **dict.fromkeys(("stick", "sticking", "sliding", "slide", "entry", "stop"), "sliding entry"),
+    **dict.fromkeys(("slip", "slipping", "exit", "release", "breakaway"), "sliding exit"),
+    **dict.fromkeys(("impact", "bounce", "jump", "hit"), "reset"), "tangency": "grazing", "zero": "crossing",
+}  # fmt: skip
+
+
+def no_kind(kind: object, known: Iterable[str]) -> str:
+    """The sentence on a kind of event that there is not, with what it is called here."""
+    here = _CALLED.get(str(kind))
+    return unknown("kind of event", kind, known) + (f". Write {here!r} for {kind!r}." if here else "")
 
 
 # The note of a crossing that a jump of the state makes, without h = 0.

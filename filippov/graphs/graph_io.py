@@ -61,6 +61,11 @@ def load_graph(path: str | Path) -> nx.MultiDiGraph:
             graph.add_node(node.pop("id"), **node)
         for edge in data["edges"]:
             graph.add_edge(edge.pop("source"), edge.pop("target"), key=edge.pop("key"), **edge)
+    except OSError as error:
+        raise UsageError(
+            f"{str(path)!r} cannot be read ({error.strerror or error}), expected a graph as save_graph(graph,"
+            " 'x.json') writes it: give its path from the present folder."
+        ) from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise UsageError(
             f"{str(path)!r} is not a graph in node-link JSON, as save_graph(graph, 'x.json') writes it "

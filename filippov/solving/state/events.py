@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, overload
 
@@ -13,7 +13,7 @@ from filippov.base.delegates import delegate
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.keywords import constructor, keywords
 from filippov.base.names import Answering, unknown
-from filippov.base.status import EventKind, mode_text
+from filippov.base.status import EventKind, mode_text, no_kind
 
 Mode = tuple[int, ...]
 
@@ -133,11 +133,9 @@ class Events(Answering, Sequence[Event]):
 
         Raises UsageError for an unknown surface or kind of event.
         """
-        if kind is not None and kind not in tuple(EventKind):
-            raise UsageError(no_kind(str(kind), [str(item) for item in EventKind]))
+        wanted = None if kind is None else EventKind(kind)
         if direction not in (-1, 0, 1):
             raise UsageError(f"direction is {direction!r}, expected 1 (up), -1 (down) or 0 (either).")
-        wanted = None if kind is None else EventKind(kind)
         if surface is not None and all(event.surface != surface for event in self._items):
             surface, direction = self._asked(surface, direction)
         return Events(
@@ -202,20 +200,6 @@ def columns_of(kind: str) -> tuple[int, ...]:
     if kind not in _COLUMNS:
         raise UsageError(no_kind(kind, _COLUMNS))
     return _COLUMNS[kind]
-
-
-# What the kinds of events are also called.
-_CALLED = {
-    **dict.fromkeys(("stick", "sticking", "sliding", "slide", "entry", "stop"), "sliding entry"),
-    **dict.fromkeys(("slip", "slipping", "exit", "release", "breakaway"), "sliding exit"),
-    **dict.fromkeys(("impact", "bounce", "jump", "hit"), "reset"), "tangency": "grazing", "zero": "crossing",
-}  # fmt: skip
-
-
-def no_kind(kind: object, known: Iterable[str]) -> str:
-    """The sentence on a kind of event that there is not, with what it is called here."""
-    here = _CALLED.get(str(kind))
-    return unknown("kind of event", kind, known) + (f". Write {here!r} for {kind!r}." if here else "")
 
 
 def turned(kind: str) -> str:
