@@ -1,5 +1,6 @@
 """A time span that falls is refused unless it is said to be meant: it may be a state in scipy's place."""
 
+import json
 import pickle
 
 import numpy as np
@@ -85,6 +86,25 @@ def test_11_10_the_command_says_it_with_a_flag(tmp_path, capsys):
     assert main(arguments) == 2
     assert "--t-span 2 0 runs backwards in time: add --backward" in capsys.readouterr().err
     assert main([*arguments, "--backward"]) == 0
+
+
+@pytest.mark.parametrize("words", ["simulate", "sweep --over x0.x=1:2:2", "ensemble --over x0.x=1:2:2"])
+def test_a_command_says_that_it_ran_backwards(words, tmp_path, capsys):
+    """And its summary does; without the flag it says how to ask for it."""
+    from filippov.app.cli.main import main
+
+    model = tmp_path / "own.py"
+    text = "from filippov import System, states\nx, v = states('x v')\nosc = System({x: v, v: -x})\n"
+    model.write_text(text)
+    name, *rest = words.split()
+    asked = [name, f"{model}:osc", *rest, "--x0", "1,0", "-o", str(tmp_path / "out"), "--t-span"]
+    assert main([*asked, "2", "0"]) == 2
+    assert "runs backwards in time: add --backward or exchange the two" in capsys.readouterr().err
+    assert main([*asked, "0", "2", "--backward"]) == 2
+    assert "runs forwards in time: drop --backward or exchange the two" in capsys.readouterr().err
+    assert main([*asked, "2", "0", "--backward"]) == 0
+    assert "backwards in time, from t = 2 to t = 0" in capsys.readouterr().err
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["backward"] is True
 
 
 def test_16_1_minus_one_is_backward() -> None:

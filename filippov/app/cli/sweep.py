@@ -58,14 +58,16 @@ def run(settings: dict[str, Any], console: Console) -> int:
             console.warn(f"what is done is kept; to go on: {_resume(settings)}")
         raise
     data = {
-        "model": settings["model"], "points": len(table), "complete": table.complete,
+        "model": settings["model"], "backward": problem.backward, "points": len(table),
+        "complete": table.complete,
         "counts": table.counts, "content_hash": table.content_hash, "columns": list(table.columns),
         "reduced": table.reduced, "failed": _failed(table),
     }  # fmt: skip
     console.result(data)
     if table.damaged:
         console.warn(f"{len(table.damaged)} chunks were damaged and computed again")
-    console.say(", ".join(f"{count} {name or 'not computed'}" for name, count in table.counts.items()))
+    counts = ", ".join(f"{count} {name or 'not computed'}" for name, count in table.counts.items())
+    console.say(counts + _backwards(problem))
     for row in data["failed"][:SHOWN]:
         console.warn(f"point {row['point']}: {row['status']}: {row['message']}")
     folder.json("summary.json", data)
@@ -100,11 +102,12 @@ def run_ensemble(settings: dict[str, Any], console: Console) -> int:
     states = problem.system.states
     counts = Counter(status.value for status in ends.status)
     data = {
-        "model": settings["model"], "trajectories": len(ends.t), "complete": ends.complete,
+        "model": settings["model"], "backward": problem.backward, "trajectories": len(ends.t),
+        "complete": ends.complete,
         "counts": dict(counts), "nfev": int(ends.nfev.sum()), "lanes": ends.lanes, "threads": ends.threads,
     }  # fmt: skip
     console.result(data)
-    console.say(", ".join(f"{count} {name}" for name, count in counts.items()))
+    console.say(", ".join(f"{count} {name}" for name, count in counts.items()) + _backwards(problem))
     folder.json("summary.json", data)
     columns = (*sweep.names, "t", *(f"end({name})" for name in states), "mode", "events", "status", "message")
     modes = [mode_text(tuple(mode)) for mode in ends.mode.tolist()]
@@ -145,6 +148,11 @@ def _start(settings: dict[str, Any]) -> tuple[Problem, dict[str, Any]]:
         name: settings[name] for name in SOLVER if name != "max_time" and settings.get(name) is not None
     }
     return problem, options | {"stop": [parse_stop(text) for text in settings["stop"] or ()]}
+
+
+def _backwards(problem: Problem) -> str:
+    first, last = problem.t_span
+    return f"; backwards in time, from t = {first:.9g} to t = {last:.9g}" if problem.backward else ""
 
 
 def _failed(table: SweepTable) -> list[dict[str, Any]]:
