@@ -1,12 +1,16 @@
 """A search for an orbit where there is none ends after a bounded number of attempts, by name."""
 
+from math import pi
+
 import numpy as np
 import pytest
 
-from filippov import SolveError, Surface, System, sign, solve, states
+from filippov import SolveError, Surface, System, cos, sign, solve, states, t
+from filippov.analysis import find_section, returns
 from filippov.analysis.orbits.collocation_search import CollocationSearch
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.orbits.search_start import rests
+from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 
 x, v = states("x v")
 
@@ -56,3 +60,18 @@ def test_rest_is_seen_whatever_the_rounding_of_the_last_segments_ends():
         beyond += last.t0 + last.dwell > run.t_end
         assert rests(run)
     assert beyond
+
+
+def test_an_orbit_without_derivative_is_refused_with_the_way_round() -> None:
+    """Impacts of a ball on a table that shakes accumulate in each period; the cure finds it resting there."""
+    shaken = {x: v, v: -1 + 1.3 * cos(t - pi / 2)}
+    ball = System(shaken, surfaces=[Surface("floor", x, reset={v: -v / 2})])
+    with pytest.raises(NotDifferentiableError) as caught:
+        find_orbit(ball, (1.0, 0.0))
+    message = str(caught.value)
+    assert "impacts accumulate on 'floor'" in message
+    assert "another guess, or transient=50" in message
+    assert message.count("Newton's method") == 1
+    assert "returns(system, find_section(system, x0), x0, 100)" in message
+    settled = returns(ball, find_section(ball, (1.0, 0.0)), (1.0, 0.0), 100)
+    assert np.ptp(settled.d[-3:]) < 1e-9

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.orbits.collocation_search import CollocationSearch, collocated_from
+from filippov.analysis.orbits.no_derivative import with_cure
 from filippov.analysis.orbits.orbit import Orbit, make_orbit
 from filippov.analysis.orbits.search_start import anchor, extent, rests, return_time, settling
 from filippov.analysis.orbits.shooting import (
@@ -59,6 +60,7 @@ _BACK = 1e-4
 
 
 @keywords()
+@with_cure()
 def find_orbit(
     system: System,
     guess: Any = None,
@@ -100,8 +102,8 @@ def find_orbit(
     progress    called with (t, t_max, note)
 
     Raises ReturnError (NO_RETURN) where the solution comes to rest or does not return within t_max,
-    NoConvergenceError, NotDifferentiableError for an orbit that grazes a surface, SolveError, UsageError,
-    ModelError.
+    NoConvergenceError, NotDifferentiableError where the search or the orbit grazes a surface or impacts
+    accumulate on it, SolveError, UsageError, ModelError.
     """
     if nodes < 1:
         raise UsageError(f"nodes is {nodes!r}, expected 1, 2, ...")
@@ -147,6 +149,7 @@ def find_orbit(
 
 
 @keywords()
+@with_cure()
 def refine(
     orbit: Orbit, parameters: Mapping[str, float] | None = None, rtol: Positive | None = None,
     atol: Tolerance | None = None,
