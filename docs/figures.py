@@ -1,8 +1,16 @@
-"""Draw the figures that the README shows: python docs/figures.py. The SVG files are committed."""
+"""Draw the committed figures of the README and the pages: python docs/figures.py [NAME ...].
+
+Without names all but chain.png, which is a measurement (some minutes, on a machine with nothing else to do);
+those of the page Explorer are taken by docs/screenshots.py.
+"""
 
 from __future__ import annotations
 
+import shlex
+import shutil
+import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import matplotlib as mpl
@@ -17,6 +25,7 @@ from matplotlib import pyplot as plt  # noqa: E402
 from filippov import solve  # noqa: E402
 from filippov.analysis.maps.event_map import EventMap  # noqa: E402
 from filippov.analysis.maps.section import Section  # noqa: E402
+from filippov.app.cli.main import main  # noqa: E402
 from filippov.base.whole_file import write_whole  # noqa: E402
 from filippov.models import get  # noqa: E402
 from filippov.plot.maps import plot_event_map  # noqa: E402
@@ -52,6 +61,29 @@ def friction_curve() -> None:
     write_whole(HERE / "_static" / "friction.csv", "\n".join(rows) + "\n")
 
 
+def basin() -> None:
+    """basin.png, by the command on the page on regions."""
+    lines = (HERE / "regions.md").read_text(encoding="utf-8").splitlines()
+    (command,) = (line for line in lines if "filippov basin" in line and "--cells" in line)
+    words = shlex.split(command)[1:]
+    with tempfile.TemporaryDirectory() as folder:
+        words[words.index("-o") + 1] = folder
+        assert main(words) == 0
+        shutil.copyfile(Path(folder) / "basin.png", HERE / "_static" / "basin.png")
+
+
+def measured(benchmark: str, *words: str) -> None:
+    """What a benchmark draws of what it measures."""
+    script = HERE.parent / "tests" / "benchmarks" / benchmark
+    subprocess.run([sys.executable, script, *words], check=True)  # noqa: S603
+
+
+FIGURES = {
+    "hunting.svg": hunting, "friction.csv": friction_curve, "basin.png": basin,
+    "convergence.png": lambda: measured("convergence.py", str(HERE / "_static" / "convergence.png")),
+    "chain.png": lambda: measured("chain.py", "--plot", str(HERE / "_static" / "chain.png")),
+}  # fmt: skip
+
 if __name__ == "__main__":
-    hunting()
-    friction_curve()
+    for name in sys.argv[1:] or [name for name in FIGURES if name != "chain.png"]:
+        FIGURES[name]()

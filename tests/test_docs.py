@@ -181,12 +181,14 @@ def test_13_1_short_names_and_pages_use_public_modules_only() -> None:
         assert {name for name in modules if not name.startswith(inside)} <= public, page.name
 
 
-def test_readme_figure_is_committed_with_its_script() -> None:
-    figures = re.findall(r"!\[[^\]]*\]\((docs/_static/[\w-]+\.svg)\)", README)
-    assert figures
-    script = (ROOT / "docs" / "figures.py").read_text(encoding="utf-8")
-    for figure in figures:
-        assert Path(figure).name in script
+def test_every_committed_picture_is_drawn_by_code_of_the_docs_and_shown() -> None:
+    static = (ROOT / "docs" / "_static").iterdir()
+    pictures = {path.name for path in static if path.suffix in (".png", ".svg")}
+    scripts = "".join((ROOT / "docs" / name).read_text() for name in ("figures.py", "screenshots.py"))
+    assert {name for name in pictures if f'"{name}"' not in scripts} == set()
+    link = re.compile(r"!\[[^\]]*\]\(\S*_static/([\w.-]+)\)")
+    shown = {name for page in TEXTS for name in link.findall(page.read_text())}
+    assert shown == pictures
 
 
 def test_16_7_every_command_stands_on_the_page_of_commands() -> None:
