@@ -73,6 +73,14 @@ def test_a_wave_is_met_and_followed() -> None:
         assert run.x_end / [given["a"], 1] == pytest.approx([math.sin(5), low + integral], abs=close), seed
 
 
+@pytest.mark.parametrize("slope", [1e-17, 5e-18, 0.1 + 0.2 - 0.3])
+def test_a_slope_that_is_rounding_moves_no_state(slope: float) -> None:
+    """h = sin t - 1/2, beside which y weighs nothing: y' = -y goes on as it is, also off zero by rounding."""
+    timed = System({x: 1 + sign(sin(t) - 0.5 + slope * y), y: -y})
+    run = solve(timed, (0.3, 1), (0.2, 2))
+    assert run.x_end == pytest.approx([0.3 + 2 * (2 - math.pi / 6), math.exp(-1.8)], abs=1e-9)
+
+
 def test_what_follows_the_end_of_a_run_is_not_in_it() -> None:
     """A surface that is reached a millisecond after the end of a short run, in seconds since 1970."""
     falling = System({x: -1 + 0 * x, y: sign(x)})

@@ -33,6 +33,9 @@ from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 ASTRAY = 1e4
 # A number that is larger is none that a guard has.
 HUGE = 1e300
+# Terms of a state below so many roundings of those of the time may be none, and are where the way that they
+# lead is more than a part of the state.
+SLOPELESS, ELSEWHERE = 1e6, 1e-4
 # A rate smaller than this, relative to its terms, is rounding: the state is at rest relative to the surface.
 NO_RATE = 1e-12
 
@@ -55,6 +58,13 @@ def project_on(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, ct
             return 1
         size = gradient_product(i, i, w)
         if h[i] == 0.0 or not (0.0 < size < 1e300):
+            return 0
+        # Slopes by which the state weighs next to nothing beside the time are rounding, and lead anywhere.
+        moving, there = abs(w.gt[i] * t), 0.0
+        for j in range(N):
+            there += x[j] * x[j]
+        far = h[i] * h[i] > ELSEWHERE * ELSEWHERE * size * there
+        if far and guard_scale(i, t, x, w) - moving <= SLOPELESS * EPS * moving:
             return 0
         add_gradient(i, -h[i] / size, x, w)
     return guards(t, x, p, m, h, ctx)
