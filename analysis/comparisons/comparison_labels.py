@@ -7,7 +7,7 @@ from typing import Any
 
 import sympy
 
-from filippov.analysis.comparisons.solution_events import place_of
+from filippov.analysis.comparisons.solution_events import places_of
 from filippov.base.escape import figure_text
 from filippov.base.label import unit_of
 from filippov.model.system import System
@@ -71,6 +71,8 @@ def _height(system: System, surface: str) -> str:
 
 def _way(system: System, surfaces: Sequence[str]) -> str:
     """The unit of the way slipped on the surfaces, where a state is the place."""
-    places = [place_of(system, name) for name in surfaces]
-    units = {"" if place is None else _unit(system, system.states[place[0]]) for place in places}
+    places = [places_of(system, name) for name in surfaces]
+    units = {_unit(system, system.states[k]) for found in places for k, _, _ in found} | {
+        "" for found in places if not found
+    }
     return units.pop() if len(units) == 1 else ""

@@ -70,7 +70,7 @@ class EventReader:
     def __init__(self, exact: System, p: Array) -> None:
         names = [q.name for q in exact.surfaces if q.kind == "switching"]
         self.readers = {name: Reader(exact, name, p) for name in names}
-        self.places = {name: place_of(exact, name) for name in names}
+        self.places = {name: places_of(exact, name) for name in names}
 
     def exact(self, solution: Solution) -> tuple[Read, ...]:
         """What is read of the exact solution."""
@@ -126,8 +126,8 @@ class EventReader:
         return tuple(found)
 
     def drift(self, solution: Solution, name: str, stays: Sequence[Stay]) -> float:
-        """The way slipped in stick: of the place where a state is one, else the integral of h."""
-        sol, worst, reader, place = solution.sol, 0.0, self.readers[name], self.places[name]
+        """The way slipped in stick: of the places where states are these, else the integral of h."""
+        sol, worst, reader, places = solution.sol, 0.0, self.readers[name], self.places[name]
         assert sol is not None
         ends = _nodes(solution)
         for stay in stays:
@@ -137,13 +137,13 @@ class EventReader:
             t = (0.5 * (nodes[1:] + nodes[:-1])[:, None] + half * POINTS).ravel()
             x = sol(t)
             h = np.array([reader.height(float(q), x[:, i]) for i, q in enumerate(t)])
-            if place is None:
+            if not places:
                 way = np.cumsum(np.sum(half * WEIGHTS * h.reshape(-1, POINTS.size), axis=1))
-            else:  # x' = v with h = c (v - w): the place against what moves with w
-                k, j, c = place
-                moving = np.cumsum(np.sum(half * WEIGHTS * (x[j] - h / c).reshape(-1, POINTS.size), axis=1))
-                at = sol(nodes, side="+")[k] if nodes.size else nodes
-                way = at[1:] - at[0] - moving
+            else:  # x' = v with h = c (v - w), of one body or two: the places against what moves with w
+                other = sum(c * x[j] for _, j, c in places) - h
+                moving = np.cumsum(np.sum(half * WEIGHTS * other.reshape(-1, POINTS.size), axis=1))
+                at = sum(c * sol(nodes, side="+")[k] for k, _, c in places) if nodes.size else nodes
+                way = (at[1:] - at[0] - moving) / places[0][2]
             worst = max(worst, float(np.max(np.abs(way), initial=0.0)))
         return worst
 
@@ -156,18 +156,21 @@ def _nodes(solution: Solution) -> Array:
     return np.append(solution.t[::every], solution.t[-1])
 
 
-def place_of(system: System, surface: str) -> tuple[int, int, float] | None:
-    """(k, j, c) where state k has the rate x_j and h = c (x_j - w), w without states; None where none has."""
+def places_of(system: System, surface: str) -> list[tuple[int, int, float]]:
+    """(k, j, c) where state k has the rate x_j and h = sum of c x_j - w, w without states; or []."""
     form = system.symbolic
     if form is None:
-        return None
+        return []
     h = form.h[system.surface_index(surface)]
-    held = [j for j, x in enumerate(form.x) if h.has(x)]
-    slope = h.diff(form.x[held[0]]) if len(held) == 1 else None
-    places = [k for k, f in enumerate(form.field) if held and f == form.x[held[0]]]
-    if slope is None or not slope.is_number or not places:
-        return None
-    return places[0], held[0], float(slope)
+    out = []
+    for j, x in enumerate(form.x):
+        if not h.has(x):
+            continue
+        slope, place = h.diff(x), next((k for k, f in enumerate(form.field) if f == x), None)
+        if not slope.is_number or place is None:
+            return []
+        out.append((place, j, float(slope)))
+    return out
 
 
 def _still_exact(system: System, surface: str) -> bool:
