@@ -14,6 +14,7 @@ from filippov.base.names import unknown
 from filippov.model.bristles import BRISTLES, DAMPED
 from filippov.model.bristles import MODELS as FRICTION
 from filippov.model.comparator import Band, Comparator, Hysteresis, Karnopp, Smooth, Switch
+from filippov.model.comparators.stick_levels import modes_of_stick
 from filippov.model.friction_model import with_friction_model
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import parameters
@@ -208,25 +209,7 @@ def _stick(name: str, surfaces: frozenset[str], surface: str) -> BandModel:
 
     edges = {f"{surface}:upper": "-", f"{surface}:lower": "+"}
     if name in ("switch", "karnopp"):
-        others = [q.rpartition(":")[0] for q in surfaces if q.endswith(":upper") and q != f"{surface}:upper"]
-        modes = (mode for other in others for mode in _beside(surface, other))
-        beside = [edges | mode for mode in modes if mode.keys() <= surfaces]
-        alone = {f"{surface}:down": "-", f"{surface}:up": "+"}
-        return BandModel(name, unused, beside or edges | alone)
+        return BandModel(name, unused, modes_of_stick(surface, surfaces))
     if name == "band":
         return BandModel(name, unused, edges, attracted=True)
     return BandModel(name, unused, reach=SMOOTH_REACH if name in ("tanh", "arctan", "sqrt") else 1.0)
-
-
-
-def _beside(surface: str, other: str) -> list[dict[str, str]]:
-    """The modes of stick within a band that shares its rate with another: above, within, below that one."""
-    places = {
-        "+": {f"{other}:upper": "+"},
-        "0": {f"{other}:upper": "-", f"{other}:lower": "+"},
-        "-": {f"{other}:lower": "-"},
-    }
-    return [
-        place | {f"{surface}:down {other}{mark}": "-", f"{surface}:up {other}{mark}": "+"}
-        for mark, place in places.items()
-    ]

@@ -101,9 +101,9 @@ class Switch(_Checked):
 
     L(s) is dh/dt at the sign s and |h| = 0; [lo, hi] is the set of the surface, its static levels. The
     surfaces are NAME:upper (h - eta), NAME:lower (h + eta), NAME:down (-L(lo)) and NAME:up (-L(hi)).
-    eta, the half-width; alpha >= 0 [1/time]. Source: Leine 2000, after Karnopp 1985. Two surfaces may act on
-    each other's rate (`filippov.model.comparators.coupled_bands`): within both bands their signs are those of
-    the stick of the two, and the levels are NAME:down OTHER+ and so on, for each side of the other.
+    eta, the half-width; alpha >= 0 [1/time]. Source: Leine 2000, after Karnopp 1985. Two or three surfaces
+    may act on each other's rate (`filippov.model.comparators.coupled_bands`): within their bands the signs
+    are those of the stick of all, and the levels are NAME:down with OTHER and so on.
 
     balance   "at rest": the tests take L at h = 0, if h holds one state, linearly; "in motion": at the actual
               h, as damping in the balance requires: its level may then be slid on, in short successive sticks

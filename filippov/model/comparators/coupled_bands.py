@@ -1,61 +1,66 @@
-"""Two bands of Switch or Karnopp models whose signs act on each other's rate: both frictions of one body.
+"""Two or three bands of Switch or Karnopp models whose signs act on each other's rate: a robot's joints.
 
-    dh_i/dt = R_i + A_i1 s_1 + A_i2 s_2,   lo_i <= s_i <= hi_i
+    dh_i/dt = R_i + sum_j A_ij s_j,   lo_i <= s_i <= hi_i
 
-With one surface outside its band its sign is +-1, and the other is as alone. Within both, the signs are those
-of the stick of the pair: the s in the box at which each dh_i/dt is 0, or < 0 with s_i = lo_i, or > 0 with
-s_i = hi_i. There is exactly one, because A_11, A_22 < 0 < det A is asked for (Cottle, Pang & Stone 1992).
-s_1 is lo_1 just where dh_1/dt < 0 at lo_1 with s_2 clipped to its own stick there, which decides the pair by
-four signs. Those that stick then solve dh_i/dt = -alpha_i h_i together.
+A surface outside its band has the sign +-1. Within the bands of a set K of them the signs are those of their
+stick (`filippov.model.comparators.stick_levels`): the s in the box at which each dh_i/dt is 0, or < 0 with
+s_i = lo_i, or > 0 with s_i = hi_i. There is exactly one where -A is a P-matrix (Cottle, Pang & Stone 1992),
+as friction through any mass matrix has it; this is looked at in states drawn at random, with the parameters
+at their defaults. Those that stick then solve dh_i/dt = -alpha_i h_i together.
 
-Where det A = 0, as for a body between two belts, both cannot be brought to 0. Within both bands the second
-has then s_2 = h_2/eta_2, as `filippov.model.comparator.Band` has. Source: Leine & van de Wouw 2008 for the
-problem of the pair, Karnopp 1985 and Leine 2000 for the bands.
+Where the rows of A in K are dependent, as for a body between two belts, not all can be brought to 0: within
+all bands those that depend on the ones before have s = h/eta, as `filippov.model.comparator.Band` has.
+Source: Leine & van de Wouw 2008 for the stick of several, Karnopp 1985 and Leine 2000 for the bands.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
+from itertools import combinations, product
 
+import numpy as np
 import sympy
 from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
 from filippov.model.comparator import BALANCES, Karnopp
-from filippov.model.comparators.stick_band import OTHERS, UNIT, NewSurfaces, StickBand, moved_onto
-from filippov.model.surface import Surface
+from filippov.model.comparators.stick_band import OTHERS, NewSurfaces, StickBand, moved_onto
+from filippov.model.comparators.stick_levels import (
+    DOWN,
+    MOST,
+    STICK,
+    UP,
+    Affine,
+    StickLevels,
+    balanced,
+)
 from filippov.model.symbolic import Select, convex
 from filippov.model.symbols import t
 
-DOWN, STICK, UP = "down", "stick", "up"
+SAMPLES = 64
+SINGULAR = 1e-9  # a determinant over the product of the diagonal that is 0 but for rounding
+WITHIN = 10  # how far levels are moved within the band of one that is to be outside, in ranges of signs
 Leaves = dict[tuple[str, ...], dict[Symbol, Expr]]
-SIDES = (1, 0, -1)  # above its band, within it, below it
+Places = tuple[int, ...]  # of each band: 1 above it, 0 within it, -1 below it
 
 
 def coupled(bands: Sequence[StickBand]) -> tuple[list[StickBand], list[CoupledBands]]:
-    """The bands that are alone, and the pairs that share a rate. Raises ModelError for three that do.
-
-    Of n bands that share a rate k are within theirs in C(n, k) 2**(n - k) ways, with 2 k static levels each:
-    2 n 3**(n - 1) surfaces, and those that clip the other signs. That is 24 for two, more than 100 for three,
-    each with an event where it is passed.
-    """
+    """The bands that are alone, and the groups that share a rate. Raises ModelError for four that do."""
     groups: list[list[StickBand]] = []
     for band in bands:
         near = [group for group in groups if any(_meet(band, other) for other in group)]
         groups = [group for group in groups if group not in near] + [[band, *(q for g in near for q in g)]]
+    groups = [sorted(group, key=lambda band: band.i) for group in groups]
     for group in groups:
-        if len(group) > 2:
-            names = ", ".join(repr(band.surface.name) for band in sorted(group, key=lambda band: band.i))
+        if len(group) > MOST:
+            names = ", ".join(repr(band.surface.name) for band in group)
             raise ModelError(
                 f"{group[0].name}: {len(group)} surfaces, {names}, act on each other's dh/dt; Switch and "
-                "Karnopp are there for two that do. Choose Band or Smooth for all but two of them, or "
+                f"Karnopp are there for {MOST} that do. Choose Band or Smooth for all but {MOST} of them, or "
                 'method="Moreau", which solves for the sticks of any number.'
             )
-    alone = [group[0] for group in groups if len(group) == 1]
-    pairs = [CoupledBands(*sorted(group, key=lambda band: band.i)) for group in groups if len(group) == 2]
-    return alone, pairs
+    return [group[0] for group in groups if len(group) == 1], [CoupledBands(g) for g in groups if len(g) > 1]
 
 
 def _meet(one: StickBand, two: StickBand) -> bool:
@@ -63,60 +68,109 @@ def _meet(one: StickBand, two: StickBand) -> bool:
 
 
 class CoupledBands:
-    """The pair of two bands. Raises ModelError where its stick is not one of a kind."""
+    """A group of bands. Raises ModelError where its stick is not one of a kind."""
 
-    def __init__(self, one: StickBand, two: StickBand) -> None:
-        self.bands = (one, two)
-        self.form = one.form
-        self.name = f"{one.name} beside {two.surface.name!r}"
-        self.free = {one.s, two.s}
-        self.tests: dict[tuple[int, int, int, str], Symbol] = {}
-        still = {one.a: sympy.S.Zero, two.a: sympy.S.Zero}
-        fields = [convex(f, self.free).xreplace(still) for f in one.equations]
-        self.effects = [[f.diff(band.s) for f in fields] for band in self.bands]
-        self.gradients = [[band.h.diff(x) for x in self.form.x] for band in self.bands]
+    def __init__(self, bands: Sequence[StickBand]) -> None:
+        self.bands = tuple(bands)
+        self.form = bands[0].form
+        self.name = f"{bands[0].name} beside " + " and ".join(repr(band.surface.name) for band in bands[1:])
+        self.free = {band.s for band in bands}
+        self.levels: dict[tuple[int, ...], StickLevels] = {}
+        self.place = [sympy.Dummy(f"h{band.i}", real=True) for band in bands]
+        self._lost: dict[tuple[int, ...], list[Expr]] = {}
+        still = {band.a: sympy.S.Zero for band in bands}
+        fields = [convex(f, self.free).xreplace(still) for f in bands[0].equations]
+        self.effects = [[f.diff(band.s) for f in fields] for band in bands]
+        self.gradients = [[band.h.diff(x) for x in self.form.x] for band in bands]
         if any(e.has(*self.free) for row in self.effects for e in row):
             raise ModelError(f"{self.name}: the product of their signs acts on the state. {OTHERS}")
-        matrix = sympy.Matrix(2, 2, lambda i, j: _dot(self.gradients[i], self.effects[j]))
-        det = sympy.factor(matrix.det())
-        self.parallel = det == 0
-        signs = [sympy.factor(matrix[0, 0]).is_negative, sympy.factor(matrix[1, 1]).is_negative]
-        if not all([*signs, self.parallel or det.is_positive]):
-            raise ModelError(
-                f"{self.name}: their signs act on dh/dt by {matrix.tolist()}, expected a negative diagonal "
-                "and a determinant >= 0 for all states and parameters, so that the stick of the two is "
-                "unique. Bounds of the parameters show it: parameters(m=Parameter(2, lower=1e-9)). Otherwise "
-                f"c{OTHERS[1:]}"
-            )
+        numbers = range(len(bands))
+        self.sets = [k for size in range(1, len(bands) + 1) for k in combinations(numbers, size)]
+        self.kept = self._independent()
+
+    def _independent(self) -> dict[tuple[int, ...], tuple[int, ...]]:
+        """Of every set within its bands those that do not depend on the ones before; ModelError."""
+        count = len(self.bands)
+        matrix = sympy.Matrix(count, count, lambda i, j: -_dot(self.gradients[i], self.effects[j]))
+        drawn = [q for q in self._drawn(matrix) if q is not None]
+        if not drawn:
+            raise ModelError(f"{self.name}: how their signs act on dh/dt has no value in any state. {OTHERS}")
+        minors = {k: [_minor(numbers, k) for numbers, _ in drawn] for k in self.sets}
+        for k in self.sets:
+            least = int(np.argmin(minors[k]))
+            if minors[k][least] < (SINGULAR if len(k) == 1 else -SINGULAR):
+                numbers, at = drawn[least]
+                raise ModelError(
+                    f"{self.name}: their signs act on dh/dt by {(-numbers).tolist()} where {at}, expected a "
+                    "negative diagonal and determinants of the sign of as many friction forces, so that the "
+                    f"stick of all is unique. {OTHERS}"
+                )
+        out = {}
+        for k in self.sets:
+            kept: tuple[int, ...] = ()
+            for i in k:
+                if max(minors[*kept, i]) > SINGULAR:
+                    kept = (*kept, i)
+            out[k] = kept
+        return out
+
+    def _drawn(self, matrix: sympy.Matrix) -> Iterator[tuple[np.ndarray, str] | None]:
+        """-A in states at random, parameters at their defaults; None where it has no value."""
+        rng = np.random.default_rng(0)
+        held = sorted((q for q in matrix.free_symbols if q not in self.form.p), key=lambda q: str(q.name))
+        defaults = {q: sympy.Float(q.parameter.default) for q in self.form.p}
+        for _ in range(SAMPLES if held else 1):
+            at = dict(zip(held, rng.uniform(-4, 4, len(held)).round(3).tolist(), strict=True))
+            known = defaults | {q: sympy.Float(abs(v) if q.is_nonnegative else v) for q, v in at.items()}
+            values = [sympy.N(e.xreplace(known)) for e in matrix]
+            if not all(v.is_Float or v.is_Integer for v in values):
+                yield None
+                continue
+            words = ", ".join(f"{q.name} = {known[q]:.4g}" for q in held) or "parameters have their defaults"
+            yield np.array(values, dtype=float).reshape(matrix.shape), words
 
     def _projection(self, inside: Sequence[int]) -> list[Expr]:
-        """What each state loses where h is brought to 0 along what the signs do, as by an impulse."""
-        return moved_onto(
-            [self.bands[i].h for i in inside], [self.gradients[i] for i in inside],
-            [self.effects[i] for i in inside], (), self.form.p,
-        )  # fmt: skip
+        """What each state loses where h (here its `place`) is brought to 0 along what the signs do."""
+        key = tuple(inside)
+        if key not in self._lost:
+            self._lost[key] = moved_onto(
+                [self.place[i] for i in key], [self.gradients[i] for i in key],
+                [self.effects[i] for i in key], self.form.x, self.form.p,
+            )  # fmt: skip
+        return self._lost[key]
 
-    def _seen(self, sides: tuple[int, int], tested: bool) -> dict[Symbol, Expr]:
-        """What signs, sizes and states are, with each surface on its side; within their bands signs stay."""
+    def _seen(self, inside: tuple[int, ...], outside: Mapping[int, Expr], tested: bool) -> dict[Symbol, Expr]:
+        """What signs, sizes and states are within some bands; the signs of those kept there stay.
+
+        outside: the sign of each other one, +-1 or an expression that is either.
+        """
         out: dict[Symbol, Expr] = {}
-        kept = [i for i in (0, 1) if sides[i] == 0]
-        if self.parallel:
-            kept = kept[:1]
-        still = [i for i in kept if self._still(i, tested)]
-        lost = self._projection(still) if still else []
+        still = [i for i in self.kept[inside] if self._still(i, tested)]
+        # Beyond its band, where a level says nothing, its formula must have a value nevertheless.
+        reach = [band.h * band.width / size if tested else band.h
+                 for band, size in zip(self.bands, self._larger, strict=True)]  # fmt: skip
+        by = dict(zip(self.place, reach, strict=True))
+        lost = [less.xreplace(by) for less in self._projection(still)] if still else []
+        if still and not lost:
+            names = ", ".join(repr(self.bands[i].surface.name) for i in still)
+            raise ModelError(
+                f"{self.name}: the ratio in which the signs of {names} act on the velocities changes with "
+                f"these, expected one of the places alone, as a mass matrix has it. {OTHERS}"
+            )
         for x, less in zip(self.form.x, lost, strict=False):
             if less != 0:
                 out[x] = x - less
-        for band, side in zip(self.bands, sides, strict=True):
-            if side == 0:
-                out[band.a] = sympy.S.Zero
-                continue
-            out[band.s] = sympy.Integer(side)
+        for i in inside:
+            band = self.bands[i]
+            out[band.a] = sympy.S.Zero
+            if i not in self.kept[inside]:
+                out[band.s] = band.h / band.width
+        for j, side in outside.items():
+            band = self.bands[j]
+            out[band.s] = side
             shift = band.h.xreplace(out) - band.h if lost else sympy.S.Zero
-            out[band.a] = band.width + (band.above if side > 0 else band.below) + side * sympy.expand(shift)
-        if self.parallel and sides == (0, 0):
-            second = self.bands[1]
-            out[second.s] = second.h / second.width
+            size = {1: band.width + band.above, -1: band.width + band.below}
+            out[band.a] = size.get(side, self._larger[j]) + side * sympy.expand(shift)
         return out
 
     def _still(self, i: int, tested: bool) -> bool:
@@ -126,120 +180,93 @@ class CoupledBands:
             return True
         return tested and own.balance == BALANCES[0] and bool(self._projection([i]))
 
-    def _rates(self, sides: tuple[int, int], tested: bool) -> list[Expr]:
-        """dh/dt of both."""
-        seen = self._seen(sides, tested)
+    def _rates(self, seen: dict[Symbol, Expr]) -> list[Expr]:
+        """dh/dt of all."""
         fields = [convex(f, self.free).xreplace(seen) for f in self.bands[0].equations]
         return [
             band.h.diff(t) + _dot(row, fields) for band, row in zip(self.bands, self.gradients, strict=True)
         ]
 
     @cached_property
+    def _larger(self) -> list[Expr]:
+        """max(|h|, eta) of every band, as its edges measure it."""
+        return [(band.above + band.below) / 2 for band in self.bands]
+
+    @cached_property
     def _bounds(self) -> list[tuple[Expr, Expr]]:
         return [self.form.radius[band.i] for band in self.bands]
 
     def add_rates(self, new: NewSurfaces, even: Callable[[Expr], Expr]) -> None:
-        """Add the surfaces on which the static levels are reached, for each side of the other surface."""
-        for sides in ((a, b) for a in SIDES for b in SIDES if 0 in (a, b)):
-            rates = [even(rate) for rate in self._rates(sides, True)]
-            both = sides == (0, 0) and not self.parallel
-            for i, band in enumerate(self.bands):
-                if sides[i] != 0 or (sides == (0, 0) and self.parallel and i == 1):
-                    continue
-                for bound, end in zip(self._bounds[i], (DOWN, UP), strict=True):
-                    other = 1 - i
-                    mark = {1: "+", 0: "0", -1: "-"}[sides[other]]
-                    name = f"{band.surface.name}:{end} {self.bands[other].surface.name}{mark}"
-                    level = -rates[i].xreplace({band.s: bound})
-                    if both:
-                        s = self.bands[other].s
-                        level = level.xreplace({s: self._clipped(other, rates, bound, name, new)})
-                    left = [q for q in (*self.form.s, *self.form.a) if level.has(q)]
-                    if left:
-                        raise ModelError(
-                            f"{band.name}: dh/dt depends on the sign of another surface than that of "
-                            f"{self.bands[other].surface.name!r}, which is no function of the state. {OTHERS}"
-                        )
-                    surface = Surface(name, new.plain(level))
-                    self.tests[(i, *sides, end)] = new.add(surface, level, UNIT)[0]
+        """Add the surfaces on which static levels are reached, for every set that is within its bands.
 
-    def _clipped(self, j: int, rates: Sequence[Expr], bound: Expr, name: str, new: NewSurfaces) -> Expr:
-        """s_j of the stick of j with the other sign at a bound, clipped to the set of j."""
-        band, other = self.bands[j], self.bands[1 - j]
-        free = rates[j].xreplace({other.s: bound})
-        s = -free.xreplace({band.s: sympy.S.Zero}) / free.diff(band.s)
-        low, high = self._bounds[j]
-        sizes = []
-        for level, end in ((low, "low"), (high, "high")):
-            h = s - level
-            surface = replace(Surface(f"{name} {end}", new.plain(h)), kind="kink")
-            sizes.append(new.add(surface, h, UNIT)[1])
-        return (low + high + sizes[0] - sizes[1]) / 2
+        Beyond a band its sign is h/max(|h|, eta), which its edges measure: both sides have one level.
+        """
+        names = [band.surface.name for band in self.bands]
+        for inside in self.sets:
+            beyond = [j for j in range(len(self.bands)) if j not in inside]
+            outside = {j: self.bands[j].h / self._larger[j] for j in beyond}
+            away = sympy.Add(
+                *(self._larger[i] / self.bands[i].width - 1 for i in inside),
+                *(WITHIN * (1 - side**2) for side in outside.values()),
+            )
+            kept = self.kept[inside]
+            rates = [even(rate) for rate in self._rates(self._seen(inside, outside, True))]
+            left = [q for i in kept for q in (*self.form.s, *self.form.a) if rates[i].has(q)]
+            if set(left) - self.free:
+                raise ModelError(
+                    f"{self.name}: dh/dt depends on the sign of another surface than theirs, which is no "
+                    f"function of the state. {OTHERS}"
+                )
+            signs = [self.bands[i].s for i in kept]
+            given = Affine.of([rates[i] for i in kept], signs)
+            bounds = [self._bounds[i] for i in kept]
+            own = [names[i] for i in kept]
+            others = [tuple(names[j] for j in inside if j != i) for i in kept]
+            self.levels[inside] = StickLevels(own, others, bounds, given, away, new)
 
     def put_into(self, equations: Sequence[Expr]) -> list[Expr]:
-        """The equations, divided by the two bands where the surfaces act on them."""
-        leaves = {(a, b): self._leaves((a, b)) for a in SIDES for b in SIDES}
-        return [self._divided(convex(f, self.free), leaves) for f in equations]
+        """The equations, divided by the bands where the surfaces act on them."""
+        leaves = {places: self._leaves(places) for places in product((1, 0, -1), repeat=len(self.bands))}
+        return [self._divided(convex(f, self.free), (), leaves) for f in equations]
 
-    def _leaves(self, sides: tuple[int, int]) -> Leaves:
-        """What stands for signs, sizes and states, by what each band does: slides, or is at an end."""
-        seen = self._seen(sides, False)
-        inside = [i for i in (0, 1) if sides[i] == 0]
-        if self.parallel:
-            inside = inside[:1]
+    def _leaves(self, places: Places) -> Leaves:
+        """What stands for signs, sizes and states, by what each kept band does: slides, or is at an end."""
+        inside = tuple(i for i, place in enumerate(places) if place == 0)
+        outside = {i: sympy.Integer(place) for i, place in enumerate(places) if place}
         if not inside:
+            self.kept[()] = ()
+        seen = self._seen(inside, outside, False)
+        kept = self.kept[inside]
+        if not kept:
             return {(): seen}
-        rates = self._rates(sides, False)
+        rates = self._rates(seen)
+        signs = [self.bands[i].s for i in kept]
+        moving = Affine.of([rates[i] + self.bands[i].alpha * self.bands[i].h for i in kept], signs)
         out = {}
-        for states in ((a, b) for a in (DOWN, STICK, UP) for b in (DOWN, STICK, UP)):
-            if any(states[i] != STICK for i in (0, 1) if i not in inside):
-                continue
-            fixed = {
-                self.bands[i].s: self._bounds[i][0 if states[i] == DOWN else 1]
-                for i in inside if states[i] != STICK
-            }  # fmt: skip
-            stuck = [i for i in inside if states[i] == STICK]
-            out[tuple(states[i] for i in inside)] = seen | fixed | self._sticking(stuck, rates, fixed)
+        for states in product((DOWN, STICK, UP), repeat=len(kept)):
+            ends = {k: state == UP for k, state in enumerate(states) if state != STICK}
+            fixed = {k: self._bounds[kept[k]][end] for k, end in ends.items()}
+            out[states] = seen | dict(zip(signs, balanced(moving, fixed), strict=True))
         return out
 
-    def _sticking(
-        self, stuck: Sequence[int], rates: Sequence[Expr], fixed: dict[Symbol, Expr]
-    ) -> dict[Symbol, Expr]:
-        """The signs of those that stick, where the others are fixed: dh/dt = -alpha h for all of them."""
-        names = [self.bands[i].s for i in stuck]
-        zero = dict.fromkeys(names, sympy.S.Zero)
-        left = [rates[i].xreplace(fixed) + self.bands[i].alpha * self.bands[i].h for i in stuck]
-        rest = [-e.xreplace(zero) for e in left]
-        if len(stuck) == 2:
-            (a, b), (c, d) = ([e.diff(s) for s in names] for e in left)
-            det = sympy.factor(a * d - b * c)
-            rest = [(rest[0] * d - rest[1] * b) / det, (a * rest[1] - c * rest[0]) / det]
-        elif stuck:
-            rest = [rest[0] / left[0].diff(names[0])]
-        return dict(zip(names, rest, strict=True))
-
-    def _divided(self, f: Expr, leaves: dict[tuple[int, int], Leaves]) -> Expr:
-        one, two = self.bands
-        at = {sides: self._within(f, sides, leaves[sides]) for sides in leaves}
-        rows = [Select(two.upper, at[a, 1], Select(two.lower, at[a, 0], at[a, -1])) for a in SIDES]
-        return Select(one.upper, rows[0], Select(one.lower, rows[1], rows[2]))
-
-    def _within(self, f: Expr, sides: tuple[int, int], leaves: Leaves) -> Expr:
-        """An equation on one side of each surface, divided by the tests of those that are in their bands."""
-        count = len(next(iter(leaves)))
-        inside = [i for i in (0, 1) if sides[i] == 0][:count]
-
-        def chosen(done: tuple[str, ...]) -> Expr:
-            if len(done) == count:
-                return f.xreplace(leaves[done])
-            i = inside[len(done)]
-            down, up = (self.tests[(i, *sides, end)] for end in (DOWN, UP))
-            return Select(
-                down, chosen((*done, DOWN)), Select(up, chosen((*done, STICK)), chosen((*done, UP)))
-            )
-
-        return chosen(())
+    def _divided(self, f: Expr, places: Places, leaves: dict[Places, Leaves]) -> Expr:
+        if len(places) == len(self.bands):
+            inside = tuple(i for i, place in enumerate(places) if place == 0)
+            at = {states: f.xreplace(values) for states, values in leaves[places].items()}
+            return self.levels[inside].chosen(at) if inside else at[()]
+        band = self.bands[len(places)]
+        above, within, below = (self._divided(f, (*places, place), leaves) for place in (1, 0, -1))
+        return Select(band.upper, above, Select(band.lower, within, below))
 
 
 def _dot(row: Sequence[Expr], other: Sequence[Expr]) -> Expr:
     return sympy.Add(*(a * b for a, b in zip(row, other, strict=True) if a != 0))
+
+
+def _minor(numbers: np.ndarray, k: tuple[int, ...]) -> float:
+    """A principal minor over the product of its diagonal; of one number its sign."""
+    part = numbers[np.ix_(k, k)]
+    if len(k) == 1:
+        return float(np.sign(part[0, 0]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.linalg.det(part) / np.prod(np.diag(part)))

@@ -67,8 +67,8 @@ def regularize_symbolic(
         else:
             values[s] = even[s] = shaped(own, h, w)
     field = [convex(f, free) if free else f for f in form.field]
-    alone, pairs = coupled(bands)
-    groups: list[StickBand | CoupledBands] = [*alone, *pairs]
+    alone, several = coupled(bands)
+    groups: list[StickBand | CoupledBands] = [*alone, *several]
     for group in groups:
         group.add_rates(new, lambda e: evened(e, form, surfaces, even))
     for group in groups:

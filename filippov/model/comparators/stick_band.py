@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 import sympy
 from sympy import Expr, Symbol
 
@@ -45,6 +46,7 @@ class NewSurfaces:
     radius: list[tuple[Expr, Expr]] = field(default_factory=list)
     widths: list[Expr | None] = field(default_factory=list)
     surfaces: list[Surface] = field(default_factory=list)
+    sizes: dict[Symbol, Expr] = field(default_factory=dict)
 
     def add(
         self, surface: Surface, h: Expr, radius: tuple[Expr, Expr], width: Expr | None = None
@@ -55,6 +57,8 @@ class NewSurfaces:
         self.s.append(Symbol(f"_new_s{number}", real=True))
         self.a.append(Symbol(f"_new_a{number}", nonnegative=True))
         self.h.append(h)
+        # As it is: sympy looks long for a better form of a long expression.
+        self.sizes[self.a[-1]] = sympy.Abs(self.plain(h), evaluate=False)
         self.radius.append(radius)
         self.widths.append(width)
         self.surfaces.append(surface)
@@ -67,9 +71,7 @@ class NewSurfaces:
 
     def plain(self, h: Expr) -> Expr:
         """An expression with |h| of the surfaces written out."""
-        for a, size in zip(reversed(self.a), reversed(self.h), strict=True):
-            h = h.xreplace({a: sympy.Abs(size)})
-        return h
+        return h.xreplace(self.sizes)
 
 
 def kink(surface: Surface, name: str, h: Any) -> Surface:
@@ -221,13 +223,39 @@ def moved_onto(
 ) -> list[Expr]:  # fmt: skip
     """What each state loses on the way to h = 0 along the effects; [] where that way bends.
 
-    x: the states. It may depend on those that stay, as a mass matrix does on the places; () for on none.
+    x: the states. It may depend on those that stay, as a mass matrix does on the places.
     """
     rows, columns = sympy.Matrix(gradients), sympy.Matrix(effects).T
-    slope = rows * columns
-    if rows.free_symbols - set(p) or sympy.simplify(slope.det()) == 0:
+    moved = [k for k in range(columns.rows) if any(e != 0 for e in columns.row(k))]
+    if rows.free_symbols - set(p) or len(moved) < len(h):
         return []
-    share = (columns * slope.inv()).applyfunc(sympy.cancel)
+    if len(moved) == len(h):  # as many states as surfaces: h = 0 gives them, in whatever ratio they go there
+        part = rows[:, moved]
+        if sympy.simplify(part.det()) == 0:
+            return []
+        solved = part.inv()
+        share = sympy.zeros(columns.rows, len(h))
+        for at, k in enumerate(moved):
+            share[k, :] = solved[at, :]
+    else:
+        # In units of one of them each effect has no common factor, which sympy would be long to find.
+        first = [next(e for e in columns.col(j) if e != 0) for j in range(len(h))]
+        ratio = sympy.Matrix(columns.rows, len(h), lambda k, j: columns[k, j] / first[j])
+        slope = rows * ratio
+        if _vanishes(slope.det()):
+            return []
+        share = ratio * slope.adjugate() / slope.det()
     lost = list(share * sympy.Matrix(h))
-    stay = {q for q, less in zip(x, lost, strict=bool(x)) if less == 0}
-    return [] if share.free_symbols - {*p, *stay} else lost
+    stay = {q for q, less in zip(x, lost, strict=True) if less == 0}
+    for tidy in (lambda e: e, sympy.cancel):
+        share = share.applyfunc(tidy)
+        if not share.free_symbols - {*p, *stay}:
+            return list(share * sympy.Matrix(h))
+    return []
+
+
+def _vanishes(e: Expr) -> bool:
+    """Whether an expression is 0 everywhere: most are not, which a number shows in no time."""
+    rng = np.random.default_rng(1)
+    number = sympy.N(e.xreplace({q: sympy.Float(rng.uniform(0.5, 1.5)) for q in e.free_symbols}))
+    return not (number.is_Float and abs(number) > 1e-6) and sympy.simplify(e) == 0
