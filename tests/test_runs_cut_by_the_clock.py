@@ -18,7 +18,7 @@ class Clock:
 
 
 def test_an_undeclared_jump_in_time_ends_the_run_wherever_it_is_cut(monkeypatch):
-    """y' = -y + 1000 on [50, 50.001] from y = 0: at the edge no step is short enough, and none is tried twice."""
+    """A pulse of 1000 on [50, 50.001] from rest: at its edge no step is short enough, whatever was tried."""
 
     def pulse(t, x, p, s):
         return [-x[0] + 1000.0 * (50 <= t < 50.001)]

@@ -110,7 +110,7 @@ class _WrittenOut:
 
         Zeros for a node that jumps or has a kink; those of a series that has ended where the number is -1.
         """
-        terms, lines = last_terms(self.order), []
+        terms, lines = last_terms(self.order), list[str]()
         for number in numbers:
             for q, k in enumerate(range(self.order - 2 * terms, self.order)):
                 said = "1.0" if q < terms and number < 0 else "0.0"
