@@ -63,10 +63,10 @@ def test_a_file_that_is_not_there(folder, capsys) -> None:
 
 def test_a_range_without_its_count_says_how_many_values_it_is(folder, capsys) -> None:
     words = "model.py:block", "--measure", "max(x)", "--t-span", "0", "5", "--x0", "2,0"
-    code, text = said(capsys, "sweep", *words, "--vary", "M=0.1:0.5")
+    code, text = said(capsys, "sweep", *words, "--over", "M=0.1:0.5")
     assert code == 0
     assert "M: 2 values, 0.1 and 0.5; M=0.1:0.5:COUNT takes more" in text
-    _, text = said(capsys, "sweep", *words, "--vary", "M=0.1:0.5:3")
+    _, text = said(capsys, "sweep", *words, "--over", "M=0.1:0.5:3")
     assert "COUNT" not in text
 
 

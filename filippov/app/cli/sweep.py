@@ -37,7 +37,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
         seed=settings["seed"], tail=settings["tail"], reduce=settings["reduce"], **options,
     )  # fmt: skip
     if settings["samples"] in ("grid", "list"):
-        for name, values in settings["vary"].items():
+        for name, values in settings["over"].items():
             if len(values) == 2:
                 ends = f"{values[0]:g} and {values[1]:g}"
                 console.say(f"{name}: 2 values, {ends}; {name}={values[0]:g}:{values[1]:g}:COUNT takes more")
