@@ -96,12 +96,6 @@ def test_events_that_did_not_come_and_those_that_did() -> None:
     assert EventMap(BLOCK, Section("belt", "sliding exit", "x", {"x": "d", "v": "0.5"})).why(0.0) == ""
 
 
-def test_a_relative_tolerance_of_the_whole_state_is_none() -> None:
-    for rtol in (1, 1.0, 10.0):
-        with pytest.raises(UsageError, match=r"rtol is .*, expected less than 1"):
-            solve(BLOCK, (0, 0), (0, 1), rtol=rtol)
-
-
 def test_what_a_parameter_is_given_by() -> None:
     with pytest.raises(ModelError, match=r"given as 'kg', 1; the number goes first: Parameter\(1, 'kg'\)"):
         Parameter("kg", 1)  # type: ignore[arg-type]

@@ -42,7 +42,7 @@ CORE = Part(
     ),
     (
         "field", "set_mode", "project", "side_rates", "record_event", "count_down", "zeno_remaining",
-        "cycle_limit", "on_one_surface", "begin", "advance", "take",
+        "cycle_limit", "on_one_surface", "begin", "advance", "take", "project_on",
     ),
 )  # fmt: skip
 PARTS = (

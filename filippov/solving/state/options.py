@@ -66,11 +66,6 @@ class Options:
         positive("rtol", self.rtol)
         if self.rtol < SMALLEST_RTOL:
             raise UsageError(f"rtol is {self.rtol:g}, expected at least {SMALLEST_RTOL:.2g} (100 roundings).")
-        if self.rtol >= 1.0:
-            raise UsageError(
-                f"rtol is {self.rtol:g}, expected less than 1: it is the error of a step in parts of the "
-                f"state. Leave it out for {Options.rtol:g}."
-            )
         if isinstance(self.atol, float):
             good = 0.0 <= self.atol < math.inf
         else:
