@@ -14,7 +14,7 @@ Veltz 2020 (BifurcationKit) for the iterator.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -346,9 +346,9 @@ class Continuation(Shown):
         self.branch.state["way"] = way
         self._message = ""
         first, passed = self._origin(current, way), 0
-        # The point from which the end of its word was looked for, and the end where one was found.
+        # The point from which the end of its word was looked for, and what is beyond it where that is known.
         tried: Along | None = None
-        last: Along | None = None
+        ahead: tuple[BranchPoint, Along] | None = None
         while True:
             corrector = current.corrector
             near = 1e-12 * self.width
@@ -357,7 +357,7 @@ class Continuation(Shown):
                 return
             ending: Along | None = None
             try:
-                if current is last:
+                if ahead is not None:
                     raise NoConvergenceError("the branch ends at the border of its mode word.")
                 following, count = corrector.step(current, step)
             except FAILURES as error:
@@ -365,13 +365,12 @@ class Continuation(Shown):
                 tried = current
                 if ending is None:
                     step *= 0.5
-                    if step >= self.min_step and current is not last:
+                    if step >= self.min_step and ahead is None:
                         continue
-                    points, onwards = self._beyond(crossings, current, error)
-                    yield from points
+                    onwards = yield from self._beyond(crossings, current, error, ahead)
                     if onwards is None:
                         return
-                    current, step = onwards, self.step * 0.1
+                    current, step, ahead = onwards, self.step * 0.1, None
                     continue
                 following, count = ending, _SLOW
             same = following.point.word == current.point.word
@@ -401,8 +400,7 @@ class Continuation(Shown):
                 if step >= self.min_step and not isinstance(error, EndOfWordError):
                     continue
                 last = error.last if isinstance(error, EndOfWordError) else current
-                points, onwards = self._beyond(crossings, last, error)
-                yield from points
+                onwards = yield from self._beyond(crossings, last, error)
                 if onwards is None:
                     return
                 current, step = onwards, self.step * 0.1
@@ -422,7 +420,7 @@ class Continuation(Shown):
                 return
             current = current.moved()
             if goes_on is ending:
-                tried, last = current, current if crossings.jump(current) is not None else None
+                tried, ahead = current, crossings.jump(current)
             elif goes_on is not following:
                 step = max(min(step, self.step) * 0.25, 10 * self.min_step)
             elif count <= 3:
@@ -435,27 +433,32 @@ class Continuation(Shown):
                 return
 
     def _beyond(
-        self, crossings: Crossings, current: Along, error: Exception
-    ) -> tuple[list[BranchPoint], Along | None]:
-        """What follows the last point that has none ahead: special points, and the point to go on from; None
-        where the branch ends, with the reason in the message."""
+        self, crossings: Crossings, current: Along, error: Exception,
+        ahead: tuple[BranchPoint, Along] | None = None,
+    ) -> Generator[BranchPoint, None, Along | None]:  # fmt: skip
+        """The points that follow the last one of a word; returns the one to go on from, or None where the
+        branch ends, with the reason in the message. ahead: what `Crossings.jump` has found, where asked."""
         low, high = self.bounds
-        ends = f"no further point at {current.point.value:.9g}: {error}"
-        jumped = crossings.jump(current) or crossings.reached(current)
+        jumped = ahead or crossings.jump(current) or crossings.reached(current)
         if jumped is None:
             name, note = crossings.blocked(current)
-            self._message = ends
-            return [self._described(current, crossings.marked(current, name, note))] if name else [], None
+            self._message = f"no further point at {current.point.value:.9g}: {error}"
+            if name:
+                yield self._described(current, crossings.marked(current, name, note))
+            return None
         special, onwards = jumped
         values = special.value, onwards.point.value
         if not low <= min(values) <= max(values) <= high:
             self._message = f"{self.branch.parameter} = {special.value:.9g}: bound reached"
-            return [], None
-        special = self._described(current, special)
-        if self._had(onwards.point):
+            return None
+        special, had = self._described(current, special), self._had(onwards.point)
+        if had:
             self._message = f"no further point at {special.value:.9g}: beyond it are orbits of this branch"
-            return [special], None
-        return [special, onwards.point], onwards
+        yield special
+        if had:
+            return None
+        yield onwards.point
+        return onwards
 
     def _had(self, point: BranchPoint) -> bool:
         """Whether the branch has the orbit of a point already."""
