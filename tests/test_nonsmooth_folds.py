@@ -33,7 +33,7 @@ def test_belts_under_falling_friction(seed: int) -> None:
         assert not list(member.faults(branch)), (member, branch.message)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", [*range(8), 119])
 def test_oscillators_with_a_stop(seed: int) -> None:
     member = fold_draws.Stop.draw(seed)
     for branch in member.branches():

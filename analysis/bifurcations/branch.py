@@ -25,6 +25,8 @@ CRITICAL = {
     "Neimark-Sacker": 2, "Hopf": 2, "pseudo-Hopf": 0,
 }  # fmt: skip
 LOCATED = 1e-8
+# Two solutions at one value of the parameter whose coordinates differ by no more than this are one.
+_ONE = 1e-7
 BOUNDARY = ("boundary ", "upper ", "lower ")
 
 
@@ -80,6 +82,12 @@ class BranchPoint(Shown, Answering):
     def stable(self) -> bool:
         """Whether all multipliers lie inside the border, by more than their errors."""
         return self.verdict == "stable"
+
+    def is_solution_of(self, other: BranchPoint) -> bool:
+        """Whether two points at one value of the parameter are one solution, in any phase."""
+        shared = self.coordinates.keys() & other.coordinates.keys()
+        pairs = ((self.coordinates[name], other.coordinates[name]) for name in shared)
+        return self.word == other.word and all(abs(v - w) < _ONE * (1.0 + abs(v)) for v, w in pairs)
 
     def __str__(self) -> str:
         where = ", ".join(f"{name} = {v:.12g}" for name, v in list(self.coordinates.items())[:3])

@@ -54,8 +54,6 @@ _STRAIGHT, _FEWEST = 0.9, 3
 # So many iterations of the corrector shorten the next step.
 _SLOW = 6
 _CLOSED = "the branch is closed"
-# Two solutions at one value of the parameter whose coordinates differ by no more than this are one.
-_ONE = 1e-7
 
 
 @keywords()
@@ -379,7 +377,14 @@ class Continuation(Shown):
                 continue
             value = following.point.value
             if not low <= value <= high:
-                following = corrector.at_value(current, following, low if value < low else high)
+                try:
+                    following = corrector.at_value(current, following, low if value < low else high)
+                except FAILURES as error:
+                    step *= 0.5
+                    if step >= self.min_step:
+                        continue
+                    self._message = f"no further point at {current.point.value:.9g}: {error}"
+                    return
             closing = closed_by(first, current, following) if passed > _FEWEST else None
             following, passed = closing or following, passed + 1
             shrunk = cycle_end(current, following, self.bounds)
@@ -464,7 +469,7 @@ class Continuation(Shown):
         """Whether the branch has the orbit of a point already."""
         for pair in pairwise(q for q in self.branch.points if q.word == point.word):
             try:
-                if any(_alike(q, point) for q in self._solutions(list(pair), point.value)):
+                if any(q.is_solution_of(point) for q in self._solutions(list(pair), point.value)):
                     return True
             except FAILURES:
                 continue
@@ -489,9 +494,3 @@ class Continuation(Shown):
         if point is not None:
             self._message = f"{point.special} at {point.value:.12g}"
         return point
-
-
-def _alike(a: BranchPoint, b: BranchPoint) -> bool:
-    """Whether two points of a branch at one value are one solution, in any phase."""
-    pairs = ((v, b.coordinates[name]) for name, v in a.coordinates.items() if name in b.coordinates)
-    return a.word == b.word and all(abs(v - w) < _ONE * (1.0 + abs(v)) for v, w in pairs)

@@ -33,6 +33,9 @@ _NEAR, _REST = 1e-6, 1.0 - 1e-6
 # Solutions beside a change of the word are no farther apart than this: at a grazing, with the square root of
 # the rest of the bisection.
 _APART = 1e-2
+# Ends of two words that are one solution to rounding are the same branch. Between its steps a solution, and
+# so how near it passes a surface, is known less well than at its ends, by an implicit method much less.
+_SAME_SOLUTION, _GRAZES_INSIDE = 1e-10, 1e-4
 # An orbit this near to the border, in parts of its extent, is on it.
 _EXACT = 1e-9
 # Ends of two branches that meet are no farther apart.
@@ -179,8 +182,9 @@ class Crossings:
                     away.append(z)
         first, last = _last_along(before, a, a), _last_along(after, a, b)
         onwards = _last_along(away, a, b)
-        if np.linalg.norm(last.z - first.z) < _APART and self._leads(first, onwards):
-            special = self._located(first, last, GRAZES)
+        apart = np.linalg.norm(last.z - first.z)
+        if apart < _APART and self._leads(first, onwards):
+            special = self._located(first, last, GRAZES if apart > _SAME_SOLUTION else _GRAZES_INSIDE)
             if special is not None:
                 return [special], onwards
         text = f"the nearest solution with the word {last.point.word!r} is on another branch."
