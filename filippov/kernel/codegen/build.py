@@ -9,10 +9,12 @@ never found; `cache` says which files are trusted.
 """
 
 import ast
+import gc
 import hashlib
 import platform
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any, cast
@@ -325,6 +327,19 @@ def kept_code(what: tuple[Any, ...], make: Callable[[], bytes], sources: bytes =
     name = hashlib.sha256(_toolchain() + sources + repr(what).encode()).hexdigest()[:32]
     code = kept.read(name)
     if code is None:
-        code = make()
+        with _uncollected():
+            code = make()
         kept.write(name, code)
     return code
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Without the cyclic garbage collector, which would traverse growing trees and modules in vain."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()

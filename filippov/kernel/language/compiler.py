@@ -4,9 +4,7 @@ A general just-in-time compiler takes twenty times as long, because types are an
 bare pointers.
 """
 
-import gc
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 
 from llvmlite import binding
 
@@ -33,31 +31,18 @@ def compile_unit(
     in_lanes: kernels exported in their widened form, as `name.lanes`; given: tables of constants for other
     units; missing: kernels that other units name and never call, defined here to end the process
     """
-    with _uncollected():
-        module = binding.parse_assembly(written(unit, constants, exported, in_lanes, given, missing))
+    module = binding.parse_assembly(written(unit, constants, exported, in_lanes, given, missing))
     module.verify()
     machine = target_machine()
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
     # Level 3 takes a quarter longer and makes the event loop no faster.
     options = binding.create_pipeline_tuning_options(speed_level=2)
-    options.slp_vectorization, options.loop_vectorization = True, False
-    # Loops whose length is known only at run time are short, and gain nothing by unrolling.
-    options.loop_unrolling = not unit.shape
+    # Loops whose length is known only at run time are short, and gain nothing by unrolling and vectors.
+    options.loop_unrolling = options.slp_vectorization = not unit.shape
+    options.loop_vectorization = False
     builder = binding.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
     return bytes(machine.emit_object(module))
-
-
-@contextmanager
-def _uncollected() -> Iterator[None]:
-    """Without the cyclic garbage collector, which would traverse a growing module again and again in vain."""
-    was = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was:
-            gc.enable()
 
 
 def written(

@@ -58,6 +58,14 @@ def apart(function: Function) -> Function:
     return function
 
 
+def seldom(function: Function) -> Function:
+    """Mark a kernel that few steps and few events call (besides `kernel` ...).
+
+    In a unit that serves all systems it is translated as it stands: most of a first solve is optimising.
+    """
+    return function
+
+
 def contract(function: Function) -> Function:
     """Mark a kernel whose products may be fused with the sums they enter: faster, with one rounding less."""
     return function

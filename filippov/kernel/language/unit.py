@@ -200,8 +200,10 @@ def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
     if unit.lane_texts:
         # Vectors spilled to the stack must not cross cache lines.
         function.attributes.alignstack = 64
-    if "apart" in said:
+    if "apart" in said or "seldom" in said:
         function.attributes.add("noinline")
+    if "seldom" in said and unit.foreign:
+        function.attributes.add("optnone")
     if "inline" in said:
         function.attributes.add("alwaysinline")
     for argument, value in zip(node.args.args, function.args, strict=True):

@@ -1,6 +1,6 @@
 """A step of the loop: its length, its stages, and whether it is accepted."""
 
-from filippov.kernel.language.primitives import NAN, Vector, apart, inline, kernel, shift, truncate
+from filippov.kernel.language.primitives import NAN, Vector, apart, inline, kernel, seldom, shift, truncate
 from filippov.kernel.loop.control import (
     at_rest,
     error_norm,
@@ -144,6 +144,7 @@ def try_step(run: Trajectory) -> int:
     return shrink(run, failed)
 
 
+@seldom
 @kernel
 def shrink(run: Trajectory, failed: int) -> int:
     """A shorter step after an invalid one; ARRIVED where a surface is one rounding away."""

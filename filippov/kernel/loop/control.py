@@ -1,6 +1,16 @@
 """Step control: error norm, first step, and the tests that say whether a step needs a closer look."""
 
-from filippov.kernel.language.primitives import INF, Indices, Vector, from_bits, kernel, shift, sqrt, to_bits
+from filippov.kernel.language.primitives import (
+    INF,
+    Indices,
+    Vector,
+    from_bits,
+    kernel,
+    seldom,
+    shift,
+    sqrt,
+    to_bits,
+)  # fmt: skip
 from filippov.kernel.loop.field import field
 from filippov.kernel.loop.gradients import rate
 from filippov.kernel.loop.land import guard_scale
@@ -287,6 +297,7 @@ def guard_state(
     return 0
 
 
+@seldom
 @kernel
 def guards_on(
     t: float, x: Vector, p: Vector, m: Vector, order: Indices, surface: int, f: Vector, state: Vector,
@@ -314,6 +325,7 @@ def guards_on(
     return 0
 
 
+@seldom
 @kernel
 def is_non_lipschitz(
     t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, iw: Integers, ctx: Indices
@@ -342,6 +354,7 @@ def is_non_lipschitz(
     return near > 2e-4 * far + 1e2 * noise
 
 
+@seldom
 @kernel
 def collocation_start(
     t: float, x: Vector, p: Vector, m: Vector, length: float, w: Scratch, iw: Integers, ctx: Indices
@@ -373,6 +386,7 @@ def collocation_start(
     return 0
 
 
+@seldom
 @kernel
 def time_to_surface(m: Vector, order: Indices, w: Scratch) -> tuple[float, int]:
     """Shortest time in which a guard reaches 0 at its present rate, and its surface (-1 for none).
@@ -389,6 +403,7 @@ def time_to_surface(m: Vector, order: Indices, w: Scratch) -> tuple[float, int]:
     return best, surface
 
 
+@seldom
 @kernel
 def shrink_invalid(clock: Clock, m: Vector, order: Indices, step: float, w: Scratch) -> tuple[float, int]:
     """Step after an invalid stage: towards the nearest surface ahead if there is one, else a quarter.

@@ -1,6 +1,6 @@
 """An event that has been reached: simultaneous events, its kind, and the mode that follows."""
 
-from filippov.kernel.language.primitives import NAN, inline, kernel, shift_indices
+from filippov.kernel.language.primitives import NAN, inline, kernel, seldom, shift_indices
 from filippov.kernel.loop.control import guard_state, guards_on, mark_triggers
 from filippov.kernel.loop.corner_event import leave_corner, reach_corner, take_corner
 from filippov.kernel.loop.event_cycle import fading, faint, zeno_horizon, zeno_remaining
@@ -86,6 +86,7 @@ def kind_of(run: Trajectory) -> int:
     return NONE
 
 
+@seldom
 @kernel
 def leave_it(run: Trajectory) -> int:
     """Leave the event to the classification."""

@@ -4,7 +4,7 @@ A surface on whose rate its own sign does not act (h'' feels it, or a higher der
 solution by itself, which circles around h = h' = 0, in ever smaller cycles where it settles there.
 """
 
-from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, shift
+from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, seldom, shift
 from filippov.kernel.loop.land import guard_scale
 from filippov.kernel.loop.model import G_COLUMN, G_FIRST, NON_LIPSCHITZ, ROLE, WIDTH, N
 from filippov.kernel.loop.resolve import NO_EFFECT, side_rates
@@ -49,6 +49,7 @@ def zeno_horizon(t: float, start: float, x: Vector, i: int, cycles: EventCycles,
     return max(1e-7 * abs(t - start), 1e3 * EPS * abs(t))
 
 
+@seldom
 @entry
 @kernel
 def distant(
@@ -128,6 +129,7 @@ def fading(run: Trajectory) -> bool:
     return not (abs(rate) * abs(rate) > 2.0 * FAINT * known * abs(turn))
 
 
+@seldom
 @kernel
 def steady_cycle(times: Vector, first: int, last: int) -> int:
     """How many events make a cycle such that the cycles up to event `last` shrink steadily; 0 for none.
@@ -157,6 +159,7 @@ def steady_cycle(times: Vector, first: int, last: int) -> int:
     return 0
 
 
+@seldom
 @kernel
 def cycle_law(
     times: Vector, first: int, last: int, cycle: int, direction: float, slack: float, out: Vector
@@ -185,6 +188,7 @@ def cycle_law(
     out[1], out[2] = error, ratio
 
 
+@seldom
 @entry
 @kernel
 def cycle_limit(

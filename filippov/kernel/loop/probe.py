@@ -1,6 +1,6 @@
 """For the classification: a mode's field, and its guards along a trial step."""
 
-from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, shift
+from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, seldom, shift
 from filippov.kernel.loop.field import field, set_mode
 from filippov.kernel.loop.model import (
     STAGES,
@@ -16,6 +16,7 @@ from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.root_tables import NODES
 
 
+@seldom
 @entry
 @kernel
 def probe(

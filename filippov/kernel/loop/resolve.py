@@ -6,7 +6,7 @@ that is coupled to a sliding one, is left to `filippov.solving.selection.modes`.
 surfaces do not matter: the rates of h do not depend on their signs.
 """
 
-from filippov.kernel.language.primitives import Indices, Vector, kernel
+from filippov.kernel.language.primitives import Indices, Vector, kernel, seldom
 from filippov.kernel.language.records import Rows
 from filippov.kernel.loop.model import (
     COMPONENT,
@@ -135,6 +135,7 @@ def resolve_root(
     return NONE
 
 
+@seldom
 @kernel
 def leads_off(
     t: float, x: Vector, p: Vector, m: Vector, i: int, rate: float, w: Scratch, iw: Integers, ctx: Indices

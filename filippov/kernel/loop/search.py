@@ -1,6 +1,6 @@
 """An accepted step: the length of the next one, the first event in this one, and the landing on it."""
 
-from filippov.kernel.language.primitives import Indices, Vector, apart, inline, kernel, shift
+from filippov.kernel.language.primitives import Indices, Vector, inline, kernel, seldom, shift
 from filippov.kernel.loop.attempt import error_of, go_back, reject
 from filippov.kernel.loop.control import (
     guard_state,
@@ -71,6 +71,7 @@ def turns(
     return guards(t + length, w.xm, p, m, w.h, ctx) == 0 and m[i] * w.h[i] + WIDTH[i] < 0.0
 
 
+@seldom
 @kernel
 def event_at_end(
     t: float, x: Vector, p: Vector, start: float, m: Vector, order: Indices, w: Scratch, ctx: Indices
@@ -97,6 +98,7 @@ def event_at_end(
     return -1
 
 
+@seldom
 @kernel
 def exit_at_end(run: Trajectory) -> tuple[int, int, float]:
     """The sliding surface whose multiplier leaves its set within rounding after the end: clause E4.
@@ -220,6 +222,7 @@ def search(run: Trajectory) -> int:
     return GO_ON
 
 
+@seldom
 @kernel
 def shorten(run: Trajectory, length: float) -> int:
     """Take another step instead of one that was accepted."""
@@ -266,7 +269,7 @@ def land_first(run: Trajectory) -> int:
 ASTRAY_FROM_END = 1e-3
 
 
-@apart
+@seldom
 @kernel
 def astray(run: Trajectory) -> bool:
     """Whether a landing on the end of a multiplier's set has led to another root of the multipliers."""
@@ -281,7 +284,7 @@ def astray(run: Trajectory) -> bool:
 SKIPPED = 1e-6
 
 
-@apart
+@seldom
 @kernel
 def skipped(run: Trajectory) -> bool:
     """Whether a guard that contains a root changed its sign on the way to the surface where that vanishes.

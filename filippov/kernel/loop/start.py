@@ -1,6 +1,6 @@
 """The mode at an initial state in simple cases: off all surfaces, or on one with decisive rates."""
 
-from filippov.kernel.language.primitives import Indices, Vector, entry, kernel
+from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, seldom
 from filippov.kernel.loop.land import guard_scale
 from filippov.kernel.loop.model import (
     G_COLUMN,
@@ -25,6 +25,7 @@ NUDGE = 1e-6
 PER_STATE, LATER = 0.37, 0.83
 
 
+@seldom
 @kernel
 def second_rate(
     t: float, x: Vector, p: Vector, m: Vector, i: int, side: float, w: Scratch, iw: Integers, ctx: Indices
@@ -64,6 +65,7 @@ def second_rate(
     return 0, 1.0 if whole > 0.0 else -1.0
 
 
+@seldom
 @kernel
 def is_rounding(run: Trajectory, t: float, x: Vector, i: int, plus: float, minus: float) -> bool:
     """Whether both rates of surface i are rounding of the time and of the states, as at a two-fold.
@@ -85,6 +87,7 @@ def is_rounding(run: Trajectory, t: float, x: Vector, i: int, plus: float, minus
     return code == 0 and abs(plus) <= least * abs(above - plus) and abs(minus) <= least * abs(below - minus)
 
 
+@seldom
 @kernel
 def on_one_surface(run: Trajectory, t: float, x: Vector, lam: Vector, i: int) -> int:
     """Mode on surface i alone: slide, leave, or leave along a tangency decided by the second derivative."""

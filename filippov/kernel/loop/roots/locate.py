@@ -10,7 +10,7 @@ what is narrower than 2**-SPLITS of a step is not seen.
 A guard that needs this in many places asks for a shorter step.
 """
 
-from filippov.kernel.language.primitives import Indices, Vector, inline, kernel, shift
+from filippov.kernel.language.primitives import Indices, Vector, inline, kernel, seldom, shift
 from filippov.kernel.loop.land import guard_scale
 from filippov.kernel.loop.model import (
     AFFINE,
@@ -74,6 +74,7 @@ def at_end_throughout(row: int, tolerance: float, w: Scratch) -> bool:
     return least >= -tolerance and most <= tolerance
 
 
+@seldom
 @kernel
 def stays_within(row: int, most: float, w: Scratch) -> bool:
     """Whether no sample of a guard is farther from 0 than this."""
@@ -121,6 +122,7 @@ def to_polynomial(row: int, judged: bool, noise: float, tolerance: float, w: Scr
     return True
 
 
+@seldom
 @kernel
 def order_at_start(c: Vector, spread: float) -> int:
     """How often a multiplier's guard vanishes at the start of its segment: 0 where it is inside its set."""
@@ -135,6 +137,7 @@ def order_at_start(c: Vector, spread: float) -> int:
     return order
 
 
+@seldom
 @kernel
 def balanced_terms(j: int, m: Vector, w: Scratch, iw: Integers) -> float:
     """The magnitude of the fields that the multipliers balance in velocity j: the scale of its rounding."""
