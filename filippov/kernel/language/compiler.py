@@ -37,9 +37,11 @@ def compile_unit(
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
     # Level 3 takes a quarter longer and makes the event loop no faster.
     options = binding.create_pipeline_tuning_options(speed_level=2)
-    # Loops whose length is known only at run time are short, and gain nothing by unrolling and vectors.
-    options.loop_unrolling = options.slp_vectorization = not unit.shape
-    options.loop_vectorization = False
+    # Loops whose length is known only at run time are short, and gain nothing by unrolling.
+    options.loop_unrolling = not unit.shape
+    # Lanes are vectors as written. Pairs looked for in straight code take most of the time of a long unit,
+    # and make its recurrences slower.
+    options.slp_vectorization = options.loop_vectorization = False
     builder = binding.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
     return bytes(machine.emit_object(module))
