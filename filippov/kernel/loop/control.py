@@ -325,7 +325,6 @@ def guards_on(
     return 0
 
 
-@seldom
 @kernel
 def is_non_lipschitz(
     t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, iw: Integers, ctx: Indices
