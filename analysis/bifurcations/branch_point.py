@@ -21,6 +21,7 @@ import numpy.typing as npt
 from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.orbits.shooting import NoConvergenceError
+from filippov.base.changed import changed
 
 Array = npt.NDArray[np.float64]
 _REACH, _ITERATIONS, _TOLERANCE, _NOISE, _UNFOLDED = 1e-5, 20, 1e-11, 1e-7, 1e-6
@@ -125,7 +126,5 @@ class BranchPointCurve:
     def moved(self, u: Array, value: float) -> BranchPointCurve:
         """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""
         k = len(self.sizes)
-        other = object.__new__(BranchPointCurve)
-        other.__dict__.update(self.__dict__)
-        other.inner = self.inner.with_parameter(self.parameter, value).moved(u[: k - 1], float(u[k - 1]))
-        return other
+        inner = self.inner.with_parameter(self.parameter, value).moved(u[: k - 1], float(u[k - 1]))
+        return changed(self, inner=inner)

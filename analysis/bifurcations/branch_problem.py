@@ -25,6 +25,7 @@ from filippov.analysis.maps.set_slope import log_slope, near_set
 from filippov.analysis.orbits.orbit import Orbit, cycle_of_modes, make_orbit, whole_period
 from filippov.analysis.orbits.shooting import NoConvergenceError, velocity_at
 from filippov.analysis.sensitivity.saltation import derivative_by_all
+from filippov.base.changed import changed
 from filippov.base.errors import UsageError
 from filippov.base.status import EventKind, Status
 from filippov.graphs.word import word_of
@@ -97,18 +98,12 @@ class MapProblem:
 
     def with_parameter(self, name: str, value: float) -> MapProblem:
         """The same at another value of another parameter; jets are kept for both."""
-        other = object.__new__(MapProblem)
-        other.__dict__.update(self.__dict__)
-        other.event_map = self.event_map.remake(parameters={name: value})
-        return other
+        return changed(self, event_map=self.event_map.remake(parameters={name: value}))
 
     def doubled(self) -> MapProblem:
         """The fixed points of twice as many returns; for an odd map those without the symmetry."""
-        other = object.__new__(MapProblem)
-        other.__dict__.update(self.__dict__)
-        other.event_map = self.event_map.remake(order=2 * self.event_map.order)
-        other.half, other._jets = False, {}
-        return other
+        event_map = self.event_map.remake(order=2 * self.event_map.order)
+        return changed(self, event_map=event_map, half=False, _jets={})
 
     def _odd(self, start: float) -> bool:
         """Whether -R has the fixed point that R(R) has, and R is odd there."""
@@ -267,18 +262,17 @@ class OrbitProblem:
 
     def with_parameter(self, name: str, value: float) -> OrbitProblem:
         """The same at another value of another parameter."""
-        other = object.__new__(OrbitProblem)
-        other.__dict__.update(self.__dict__)
-        other.base, other._last = self.base.copy(), None
-        other.base[self.shooting.system.parameters.index(name)] = value
-        return other
+        base = self.base.copy()
+        base[self.shooting.system.parameters.index(name)] = value
+        return changed(self, base=base, _last=None)
+
+    def _shot(self, **parts: Any) -> OrbitProblem:
+        """The same with other parts of the shooting."""
+        return changed(self, shooting=replace(self.shooting, **parts), _last=None)
 
     def with_system(self, system: System) -> OrbitProblem:
         """The same equations for another system of the same states and parameters."""
-        other = object.__new__(OrbitProblem)
-        other.__dict__.update(self.__dict__)
-        other.shooting, other._last = replace(self.shooting, system=system), None
-        return other
+        return self._shot(system=system)
 
     def doubled(self) -> OrbitProblem:
         """The orbits of twice the period, of a symmetric orbit those of its period without the symmetry.
@@ -288,17 +282,11 @@ class OrbitProblem:
         shooting = self.shooting
         if len(shooting.shares) != 1:
             raise UsageError("the orbit has several nodes; find it with one (nodes=1) to leave it there.")
-        other = object.__new__(OrbitProblem)
-        other.__dict__.update(self.__dict__)
-        other._last = None
         if shooting.symmetry_order > 1:
-            other.shooting = replace(shooting, symmetry=None, symmetry_order=1)
-        elif shooting.period is not None:
-            other.shooting = shooting.times(2)
-        else:
-            other.shooting, other.scale = shooting, self.scale.copy()
-            other.scale[-1] *= 2
-        return other
+            return self._shot(symmetry=None, symmetry_order=1)
+        if shooting.period is not None:
+            return changed(self, shooting=shooting.times(2), _last=None)
+        return changed(self, scale=np.append(self.scale[:-1], 2 * self.scale[-1]), _last=None)
 
     def phased(self, u: Array, value: float, t: float) -> tuple[OrbitProblem, Array]:
         """The same orbit of a forced system from another state of it, and that state: one after which the
@@ -315,10 +303,7 @@ class OrbitProblem:
         else:
             return self, u
         state, period = solution.sol(at), shooting.period(self.p(value))
-        other = object.__new__(OrbitProblem)
-        other.__dict__.update(self.__dict__)
-        other.shooting, other._last = replace(shooting, t0=at % period, unit=period, sliding=((),)), None
-        return other, state
+        return self._shot(t0=at % period, unit=period, sliding=((),)), state
 
     def solutions(self, u: Array, value: float) -> list[Any]:
         """The solutions from the nodes; those of the last call are kept."""
@@ -405,10 +390,7 @@ class OrbitProblem:
         shooting = self.shooting
         if shooting.period is None or len(shooting.shares) != 1 or phase == shooting.phase:
             return self
-        other = object.__new__(OrbitProblem)
-        other.__dict__.update(self.__dict__)
-        other.shooting, other._last = replace(shooting, t0=phase * shooting.unit, sliding=((),)), None
-        return other
+        return self._shot(t0=phase * shooting.unit, sliding=((),))
 
     def rephased(self, u: Array, value: float) -> tuple[OrbitProblem, Array, Array] | None:
         """The same forced orbit from a phase away from its events, where one comes near the state u.
@@ -447,11 +429,9 @@ class OrbitProblem:
 
     def moved(self, u: Array, value: float) -> OrbitProblem:
         """See `BranchProblem`."""
-        other = object.__new__(OrbitProblem)
-        other.__dict__.update(self.__dict__)
         # The solutions do not depend on the phase condition.
-        other.shooting, other._equations = self.shooting.at(u, self.p(value), self.solutions(u, value)), None
-        return other
+        shooting = self.shooting.at(u, self.p(value), self.solutions(u, value))
+        return changed(self, shooting=shooting, _equations=None)
 
 
 def _told(word: str, solutions: Sequence[Solution], p: Array) -> str:

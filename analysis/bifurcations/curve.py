@@ -31,6 +31,7 @@ from filippov.analysis.bifurcations.held_surface import without_surface
 from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS, Contact, contacts
 from filippov.analysis.bifurcations.tangency import Tangency, tangencies
 from filippov.analysis.orbits.shooting import NoConvergenceError
+from filippov.base.changed import changed
 from filippov.base.errors import UsageError
 from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
@@ -305,14 +306,12 @@ class CurveProblem:
 
     def moved(self, u: Array, value: float) -> CurveProblem:
         """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""
-        other = object.__new__(CurveProblem)
-        other.__dict__.update(self.__dict__)
         inner = self._inner(value)
+        other = changed(self, inner=inner.moved(u[:-1], float(u[-1])))
         if self.test == "fold":
             other.border = self._null(inner.evaluate(u[:-1], float(u[-1]))[1], inner)
         if self.test in CONTACTS:
             other.contact = self._contact(inner, u[:-1], float(u[-1]))
-        other.inner = inner.moved(u[:-1], float(u[-1]))
         return other
 
     def ending(self, u: Array, value: float, bounds: tuple[float, float]) -> BranchPoint | None:

@@ -22,6 +22,7 @@ from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.equilibrium_units import branch_units
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import depends_on_time
+from filippov.base.changed import changed
 from filippov.base.errors import UsageError
 from filippov.base.status import mode_text
 from filippov.model.system import System
@@ -87,13 +88,10 @@ class EquilibriumProblem:
         """The same with units of the states by its equations at the start; width: of the bounds."""
         n = self.system.dimension
         units = branch_units(self.evaluate(self.start, value)[1], self.start[:n], width)
-        return self._with_units(np.append(units, np.ones(len(self.sliding))))
+        return self._with_units(units)
 
-    def _with_units(self, scale: Array) -> EquilibriumProblem:
-        other = object.__new__(EquilibriumProblem)
-        other.__dict__.update(self.__dict__)
-        other.scale = scale
-        return other
+    def _with_units(self, units: Array) -> EquilibriumProblem:
+        return changed(self, scale=np.append(units, np.ones(len(self.sliding))))
 
     def p(self, value: float) -> Array:
         """Parameter values, checked against their bounds."""
@@ -102,11 +100,9 @@ class EquilibriumProblem:
 
     def with_parameter(self, name: str, value: float) -> EquilibriumProblem:
         """The same at another value of another parameter."""
-        other = object.__new__(EquilibriumProblem)
-        other.__dict__.update(self.__dict__)
-        other.base = self.base.copy()
-        other.base[self.system.parameters.index(name)] = value
-        return other
+        base = self.base.copy()
+        base[self.system.parameters.index(name)] = value
+        return changed(self, base=base)
 
     def _at(self, u: Array, value: float) -> tuple[Array, Array, Array, Array]:
         n = self.system.dimension
@@ -192,7 +188,7 @@ class EquilibriumProblem:
         mode = tuple({"+": 1, "0": 0, "-": -1}[sign] for sign in text)
         new = EquilibriumProblem(self.system, mode, self.parameter, u[:n], values, u[n:])
         # The units of one branch: it may cross a kink at 0.
-        return new._with_units(np.append(self.scale[:n], np.ones(len(new.sliding))))
+        return new._with_units(self.scale[:n])
 
     def beyond(self, kinks: Sequence[int], u: Array) -> EquilibriumProblem:
         """The problem on the other side of kinks, starting at a solution of this one that lies on them."""
@@ -231,7 +227,7 @@ class EquilibriumProblem:
         new = EquilibriumProblem(
             self.system, tuple(mode), self.parameter, u[:n], values, np.array([s[j] for j in sorted(s)])
         )
-        new = new._with_units(np.append(self.scale[:n], np.ones(len(new.sliding))))
+        new = new._with_units(self.scale[:n])
         if mode[i] != 0:
             return new, f"boundary {name}"
         return new, f"upper {name}" if s[i] > 0 else f"lower {name}"

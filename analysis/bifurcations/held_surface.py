@@ -30,6 +30,4 @@ def without_surface(system: System, i: int, side: int) -> System:
         reset=tuple(None if k == i else after for k, after in enumerate(form.reset)),
         contact=tuple(None if k == i else after for k, after in enumerate(form.contact)),
     )  # fmt: skip
-    out = object.__new__(System)
-    out._set_symbolic(changed, tuple(surfaces), system.time_events)
-    return out
+    return System._of_form(changed, tuple(surfaces), system.time_events)

@@ -17,6 +17,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.shooting import resolved
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
 from filippov.analysis.steady.forcing import Period, is_forced
+from filippov.base.changed import changed
 from filippov.base.errors import UsageError
 from filippov.base.status import Status
 from filippov.model.system import System
@@ -100,8 +101,6 @@ class StateMap:
         time; and again from where they are after some steps, for transients are faster than what they lead
         to.
         """
-        other: StateMap = object.__new__(StateMap)
-        other.__dict__.update({k: v for k, v in self.__dict__.items() if k != "_prepared"})
         x, step = states, self.duration
         for _ in range(ROUNDS):
             while self._pace(x, size, step) > MOST and step > 1e-12:
@@ -119,8 +118,7 @@ class StateMap:
             if not good.any():
                 break
             x = ends.x[good]
-        other.duration = step
-        return other
+        return changed(self, duration=step)
 
     def _pace(self, states: Array, size: Array, step: float) -> float:
         """Median displacement in a step of the solutions that move, in parts of the sizes."""

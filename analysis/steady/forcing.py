@@ -11,6 +11,7 @@ import numpy.typing as npt
 import sympy
 
 from filippov.analysis.algebra.polynomial import exact
+from filippov.base.changed import changed
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import positive
 from filippov.base.signature import check_signature
@@ -143,12 +144,10 @@ class Period:
 
     def times(self, count: float) -> Period:
         """A multiple of this period, or a part of it."""
-        other = object.__new__(Period)
-        other.__dict__.update(self.__dict__)
         value, slopes = self._value, self._slopes
-        other.text = None
-        other._value, other._slopes = (lambda p: count * value(p)), (lambda p: count * slopes(p))
-        return other
+        return changed(
+            self, text=None, _value=lambda p: count * value(p), _slopes=lambda p: count * slopes(p)
+        )
 
     def __call__(self, p: Array) -> float:
         """The period at resolved parameter values."""

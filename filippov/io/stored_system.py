@@ -170,12 +170,10 @@ def _base(data: Any) -> System:
         widths=tuple(None if w is None else read(w) for w in data.get("widths", ())),
     )
     form, surfaces = with_contacts(form, surfaces)
-    system = object.__new__(System)
-    system._set_symbolic(form, surfaces, tuple(_clock(item, read) for item in data["time_events"]))
+    clocks = tuple(_clock(item, read) for item in data["time_events"])
     # Files from before there were outputs have none.
-    outputs = {name: read(e) for name, e in data.get("outputs", {}).items()}
-    system._name(check_outputs(outputs, names, True), data.get("labels", {}))
-    return system
+    outputs = check_outputs({name: read(e) for name, e in data.get("outputs", {}).items()}, names, True)
+    return System._of_form(form, surfaces, clocks, outputs, data.get("labels", {}))
 
 
 def _comparator_data(comparator: Comparator | PerSurface) -> dict[str, Any]:

@@ -169,25 +169,28 @@ class System:
             checked, surfaces, read_namespace(parameters), spare=True, time_events=clocks,
             outputs=tuple(named.values()),
         )  # fmt: skip
-        system = object.__new__(cls)
-        system._set_symbolic(form, found, clocks)
-        system._name(named, labels)
-        return system
+        return cls._of_form(form, found, clocks, named, labels)
 
     # -- construction ----------------------------------------------------------------------------------
 
-    def _set_symbolic(
-        self, form: SymbolicForm, surfaces: tuple[Surface, ...], clocks: tuple[TimeEvent, ...] = ()
-    ) -> None:
+    @classmethod
+    def _of_form(
+        cls, form: SymbolicForm, surfaces: tuple[Surface, ...], clocks: tuple[TimeEvent, ...] = (),
+        outputs: Mapping[str, Any] | None = None, labels: Any = None,
+    ) -> System:  # fmt: skip
+        """A system of expressions that are checked."""
+        system = object.__new__(cls)
+        system._set_symbolic(form, surfaces, clocks)
+        system._name(outputs or {}, labels)
+        return system
+
+    def _set_symbolic(self, form: SymbolicForm, surfaces: tuple[Surface, ...], clocks: Any) -> None:
         check_clock_names(clocks, surfaces)
+        values = ParameterSet({q.name: q.parameter for q in form.p})
         self._set(
-            time_events=clocks,
-            states=tuple(x.name for x in form.x),
-            parameters=ParameterSet({q.name: q.parameter for q in form.p}),
-            surfaces=surfaces,
-            symbolic=form,
-            field=None,
-        )
+            states=tuple(x.name for x in form.x), parameters=values, surfaces=surfaces, time_events=clocks,
+            symbolic=form, field=None,
+        )  # fmt: skip
 
     def _set_functions(
         self, field: Any, surfaces: Any, states: Any, parameters: Any, clocks: tuple[TimeEvent, ...]
@@ -212,8 +215,8 @@ class System:
             if any(is_expression(item) for item in given):
                 raise ModelError(
                     f"surface {surface.name!r}: h, radius or width is an expression, expected a function of "
-                    "(t, x, p) or a "
-                    "number, because the field is a function. Expressions go with System({x: ...})."
+                    "(t, x, p) or a number, because the field is a function. Expressions go with "
+                    "System({x: ...})."
                 )
             if surface.name in seen:
                 raise ModelError(
@@ -223,8 +226,7 @@ class System:
                 if other.h is surface.h:
                     raise ModelError(
                         f"surfaces {other.name!r} and {surface.name!r} are the same set: both have the "
-                        "function "
-                        f"{getattr(surface.h, '__name__', surface.h)!r}. Declare it once."
+                        f"function {getattr(surface.h, '__name__', surface.h)!r}. Declare it once."
                     )
             seen[surface.name] = surface
         for name, surface in seen.items():
@@ -372,25 +374,21 @@ class System:
         if isinstance(checked, Exact):
             return base
         chosen = by_surface(checked, {q.name: q.kind == "switching" for q in base.surfaces})
-        system = object.__new__(System)
-        kept = {name: getattr(base, name) for name in _KEPT}
-        content: dict[str, Any] = {**kept, "comparator": checked, "_base": base}
+        content: dict[str, Any] = {"comparator": checked, "_base": base}
         if base.symbolic is not None:
             from filippov.model.comparators.regularize import regularize_symbolic
 
             form, surfaces = regularize_symbolic(base.symbolic, base.surfaces, chosen)
             if form.p != base.symbolic.p:
                 content["parameters"] = ParameterSet({q.name: q.parameter for q in form.p})
-            system._set(**content, symbolic=form, surfaces=surfaces, field=None)
-        else:
-            from filippov.model.comparators.regularize_plain import regularize_functions
+            return base._with(**content, symbolic=form, surfaces=surfaces, field=None)
+        from filippov.model.comparators.regularize_plain import regularize_functions
 
-            assert base.field is not None
-            field, surfaces = regularize_functions(base.field, base.surfaces, chosen)
-            # A comparator in place of Sgn stands around the field: what runs is another function.
-            how = base.compile if field is base.field else None
-            system._set(**content, symbolic=None, surfaces=surfaces, field=field, compile=how)
-        return system
+        assert base.field is not None
+        field, surfaces = regularize_functions(base.field, base.surfaces, chosen)
+        # A comparator in place of Sgn stands around the field: what runs is another function.
+        how = base.compile if field is base.field else None
+        return base._with(**content, symbolic=None, surfaces=surfaces, field=field, compile=how)
 
     def _read_comparator(self, given: Any) -> Comparator | PerSurface:
         """A comparator, or those of a mapping, with the names of their surfaces."""
@@ -403,9 +401,11 @@ class System:
 
     def with_form(self, form: SymbolicForm, surfaces: tuple[Surface, ...]) -> System:
         """Return a system with other expressions for the same states, parameters and surfaces."""
+        return self._with(surfaces=surfaces, symbolic=form, field=None)
+
+    def _with(self, **content: Any) -> System:
         system = object.__new__(System)
-        kept = {name: getattr(self, name) for name in _KEPT}
-        system._set(**kept, surfaces=surfaces, symbolic=form, field=None)
+        system._set(**{name: getattr(self, name) for name in _KEPT} | content)
         return system
 
     @keywords("keyword", error=ModelError)

@@ -15,7 +15,6 @@ from filippov.base.names import unknown
 from filippov.model.assemble import check_inputs, put_into_source, with_contacts
 from filippov.model.check import as_expression
 from filippov.model.comparator import Exact
-from filippov.model.parameter import ParameterSet
 from filippov.model.signals.input import Sampled, sampled_in
 from filippov.model.symbols import t
 
@@ -41,13 +40,9 @@ def with_inputs(system: Any, signals: Mapping[str, Any]) -> Any:
     _, found = with_contacts(replace(form, contact=()), free)
     left = [a if b.contact == q.contact else q for a, b, q in zip(free, found, system.surfaces, strict=True)]
     new, surfaces = with_contacts(replace(new, contact=()), tuple(put_into_source(q, values) for q in left))
-    made = object.__new__(type(system))
-    made._set(
-        states=system.states, parameters=ParameterSet({q.name: q.parameter for q in p}), surfaces=surfaces,
-        time_events=tuple(put_into_source(q, values) for q in system.time_events), symbolic=new, field=None,
-    )  # fmt: skip
-    made._name({name: e.xreplace(values) for name, e in system.outputs.items()}, dict(system.labels))
-    return made
+    clocks = tuple(put_into_source(q, values) for q in system.time_events)
+    outputs = {name: e.xreplace(values) for name, e in system.outputs.items()}
+    return system._of_form(new, surfaces, clocks, outputs, dict(system.labels))
 
 
 def _values(system: Any, signals: Mapping[str, Any]) -> dict[Expr, Expr]:
