@@ -6,10 +6,12 @@ where that has this sign: which sides exist for which m, and their eigenvalues, 
 
 from __future__ import annotations
 
+import json
 import os
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -158,6 +160,22 @@ def orientation(found: Draw, system: System) -> int:
     m = next(m for m in (found.corner[1] + 0.1, found.corner[1] - 0.1) if found.linear(1, m)[1])
     at = dict(zip((*form.x, *form.p), (*found.state(1, m), m), strict=True))
     return 1 if float(form.h[0].subs(at)) > 0 else -1
+
+
+def test_files_of_before_have_the_facts_in_notes(tmp_path: Path) -> None:
+    p = parameters(a=-1.0)
+    system = System({x: p.a + Max(x, 0) + 0.5 * Min(x, 0)})
+    branch = continuation(system, [1.0], parameter="a", bounds=(-1.0, 1.0), value=-1.0, mode="+").run()
+    (point,) = kinks(branch)
+    assert (point.test, point.onto) == ("boundary x", ("-",))
+    path = branch.save(tmp_path / "branch.json")
+    data = json.loads(path.read_text())
+    del data["sha256"]
+    for row in data["points"]:
+        for name in ("surface", "test", "onto"):
+            del row[name]
+    path.write_text(json.dumps(data))
+    assert kinks(Branch.load(path)) == [point]
 
 
 def kinks(branch: Branch) -> list[BranchPoint]:

@@ -90,25 +90,25 @@ def border_form(problem: OrbitProblem, point: BranchPoint, width: float, name: s
 
 
 def grazed_surface(problem: Any, point: BranchPoint) -> tuple[int, int]:
-    """The surface that a point's note names, and the side from which it is grazed; at a change that is no
+    """The surface that a point names, and the side from which it is grazed; at a change that is no
     grazing the side the orbit is on most of the time."""
     system = problem.shooting.system
-    names = [k for k, surface in enumerate(system.surfaces) if f"surface {surface.name!r}" in point.note]
-    if not names:
+    if point.surface not in system.surface_names:
         raise UsageError("the point does not say which surface is grazed.")
+    i = system.surface_index(point.surface)
     solutions = problem.solutions(np.array(point.u), point.value)
     if point.special in TOUCHED:
         heights = {
-            side: min((abs(touch.height) for touch in tangencies(solutions, names[0], side)), default=np.inf)
+            side: min((abs(touch.height) for touch in tangencies(solutions, i, side)), default=np.inf)
             for side in (1, -1)
         }
         if min(heights.values()) < np.inf:
-            return names[0], min(heights, key=lambda side: heights[side])
+            return i, min(heights, key=lambda side: heights[side])
     time = {1: 0.0, -1: 0.0, 0: 0.0}
     for solution in solutions:
         for segment in solution.segments:
-            time[segment.mode[names[0]]] += segment.dwell
-    return names[0], 1 if time[1] > time[-1] else -1
+            time[segment.mode[i]] += segment.dwell
+    return i, 1 if time[1] > time[-1] else -1
 
 
 def _mode(solutions: Sequence[Solution], t: float) -> tuple[int, ...]:

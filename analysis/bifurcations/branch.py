@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -16,6 +18,7 @@ from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering, unknown
 from filippov.base.shown import Shown
+from filippov.base.status import mode_text
 
 Array = npt.NDArray[np.float64]
 FORMAT, VERSION = "filippov branch", 1
@@ -44,6 +47,8 @@ class BranchPoint(Shown, Answering):
     tests         test functions, whose changes of sign are special points
     special       what is special here, "" for an ordinary point; note: more about it
     residual      of the equations; tangent: direction of the branch in (u, value), scaled
+    surface       that is passed otherwise by the orbits beyond
+    test          that vanishes at a boundary equilibrium; onto: modes of the branches that leave it
     phase         of the state u of a forced orbit, in periods; it changes where an event comes near
     coefficients  of the normal form of a special point, by name (see
                   `filippov.analysis.bifurcations.normal_form`)
@@ -66,8 +71,11 @@ class BranchPoint(Shown, Answering):
     phase: float = 0.0
     coefficients: Mapping[str, float] = field(default_factory=dict)
     predicts: str = ""
+    surface: str = ""
+    test: str = ""
+    onto: tuple[str, ...] = ()
 
-    def named(self, special: str, kind: str, note: str = "") -> BranchPoint:
+    def named(self, special: str, kind: str) -> BranchPoint:
         """The special point with its name: at one where multipliers are on the border by definition, they
         decide nothing, nor do those of one side of a surface. kind: of the branch."""
         verdict: Growth = "undecided" if special.startswith(BOUNDARY) else self.verdict
@@ -76,7 +84,7 @@ class BranchPoint(Shown, Answering):
             verdict = (by_eigenvalues(self.multipliers, count) if on_axis
                        else by_multipliers(self.multipliers, LOCATED, critical=count))  # fmt: skip
             verdict = "unstable" if verdict == "unstable" else "undecided"
-        return replace(self, special=special, note=note or self.note, verdict=verdict)
+        return replace(self, special=special, verdict=verdict)
 
     @property
     def stable(self) -> bool:
@@ -102,7 +110,7 @@ class Branch(Shown, Answering):
     """Points in the order along the branch, special points among them.
 
     parameter  what is varied; parameters: the other values; kind: "map", "orbit", "equilibrium", "function"
-    message    how it ended, at each end that was reached
+    message    how it ended, at each end that was reached; interrupted: by Ctrl-C
     state      what a continuation needs to go on: direction done, next step
     labels     of the parameter and the coordinates with units, for figures
     """
@@ -114,6 +122,7 @@ class Branch(Shown, Answering):
     message: str = ""
     state: dict[str, Any] = field(default_factory=dict)
     labels: dict[str, str] = field(default_factory=dict)
+    interrupted: bool = False
 
     @property
     def values(self) -> Array:
@@ -219,6 +228,19 @@ def _in(row: Mapping[str, Any]) -> BranchPoint:
     # Files written earlier have no third verdict.
     before = "stable" if data.pop("stable", False) else "unstable"
     data.setdefault("verdict", before)
-    for name in ("u", "modes", "tangent"):
+    if "surface" not in data:
+        data |= _from_note(str(data["special"]), str(data["note"]))
+    for name in ("u", "modes", "tangent", "onto"):
         data[name] = tuple(data[name])
     return BranchPoint(**data)
+
+
+def _from_note(special: str, note: str) -> dict[str, Any]:
+    """Surface, test and modes of a special point in a file written earlier, which has them in its note."""
+    surface = re.search(r"surface (['\"])(.+?)\1", note)
+    found: dict[str, Any] = {"surface": surface[2] if surface else "", "test": note.rpartition("; ")[2]}
+    crossed = re.search(r"; (.+?): \(.*?\) -> (\(.*?\))", note) if special == "boundary equilibrium" else None
+    if crossed is not None:
+        first = mode_text(ast.literal_eval(crossed[2]))
+        found |= {"test": crossed[1], "onto": (first, *re.findall("leaves in mode ([-+0]+)", note))}
+    return {"onto": (), **found}

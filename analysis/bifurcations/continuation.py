@@ -196,6 +196,7 @@ class Continuation(Shown):
                     progress(min(count, self.max_points), self.max_points, f"{point.value:.6g}")
         except KeyboardInterrupt:
             self.branch.message = f"interrupted after {len(self.branch.points)} points; resume= goes on"
+            self.branch.interrupted = True
         return self.branch
 
     def take_up(self, branch: Branch) -> None:
@@ -446,10 +447,10 @@ class Continuation(Shown):
         low, high = self.bounds
         jumped = ahead or crossings.jump(current) or crossings.reached(current)
         if jumped is None:
-            name, note = crossings.blocked(current)
+            end = crossings.blocked(current)
             self._message = f"no further point at {current.point.value:.9g}: {error}"
-            if name:
-                yield self._described(current, crossings.marked(current, name, note))
+            if end is not None:
+                yield self._described(current, end)
             return None
         special, onwards = jumped
         values = special.value, onwards.point.value

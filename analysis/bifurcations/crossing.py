@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,7 @@ from filippov.analysis.bifurcations.other_side import GRAZES, ended, off_border,
 from filippov.analysis.bifurcations.special_points import confirmed, name_of_change
 from filippov.analysis.orbits.margin import nearest_pass
 from filippov.analysis.orbits.shooting import NoConvergenceError
-from filippov.base.status import EventKind
+from filippov.base.status import EventKind, mode_text
 
 Array = npt.NDArray[np.float64]
 _BISECTIONS = 44
@@ -231,22 +232,26 @@ class Crossings:
         if rest > _EXACT:
             reach = _PAST * float(np.linalg.norm(after.z - before.z))
             back = ended(replace(after, tangent=-after.tangent), reach)
-            other = replace(back.point, special=special.special, note=special.note)
+            other = replace(
+                back.point, special=special.special, note=special.note, surface=special.surface
+            )  # fmt: skip
             gap = off_border(problem, other)
             if gap < rest and np.linalg.norm(back.z - before.z) < _MEETS:
                 special, rest = other, gap
         return special if rest < least else None
 
     def _named(self, before: Along, after: Along) -> BranchPoint:
-        name, note = "change of the mode word", f"{before.point.word} -> {after.point.word}"
+        name, surface = "change of the mode word", ""
+        note = f"{before.point.word} -> {after.point.word}"
         if isinstance(before.corrector.problem, OrbitProblem):
             first = before.corrector.problem.orbit(*before.corrector.plain(before.z))
             second = after.corrector.problem.orbit(*after.corrector.plain(after.z))
             if first.signature == second.signature:
                 name = "border collision"
             else:
-                name, note = name_of_change(first, second)
-        return replace(before.point, special=name, note=note)
+                name, surface, note = name_of_change(first, second)
+        note = f"surface {surface!r}: {note}" if surface else note
+        return replace(before.point, special=name, note=note, surface=surface)
 
     def end_of_word(self, a: Along, step: float) -> Along | None:
         """The last point of the branch within a step that failed, where solutions at its end have another
@@ -273,34 +278,32 @@ class Crossings:
                 return replace(special, note=f"{kind}; {special.note}"), at
         return None
 
-    def blocked(self, a: Along) -> tuple[str, str]:
-        """Name of what stops a branch of orbits: grazing, where its derivative has no bound.
+    def blocked(self, a: Along) -> BranchPoint | None:
+        """The point with the name of what stops a branch of orbits: grazing, where its derivative has no
+        bound; None where it is something else.
 
         A surface that is reached with hardly any speed, and slid on, is at the fold at which sliding ends.
         """
         problem = a.corrector.problem
         if not isinstance(problem, OrbitProblem):
-            return "", ""
+            return None
         try:
-            a = ended(a, self.min_step)
-            orbit = problem.orbit(*a.corrector.plain(a.z), margins=True)
+            last = ended(a, self.min_step)
+            orbit = problem.orbit(*last.corrector.plain(last.z), margins=True)
         except FAILURES:
-            return "", ""
+            return None
         edge = orbit.margin
         share, distance, surface = nearest_pass(orbit.pieces, problem.shooting.jacobian)
         if share < max(GRAZES, self.min_step):
-            return "C-bifurcation", f"surface {surface!r} passed at a distance of {distance:.3g}"
+            note = f"surface {surface!r} passed at a distance of {distance:.3g}"
+            return replace(a.point, special="C-bifurcation", note=note, surface=surface)
         # The height that is left goes as the square of the speed.
         if edge.transversality**2 < max(GRAZES, self.min_step):
             event = min(orbit.events, key=lambda e: abs(e.t - edge.transversal_t))
             name = "grazing-sliding" if event.kind == EventKind.ENTRY else "C-bifurcation"
-            speed = f"reached with relative speed {edge.transversality:.3g}"
-            return name, f"surface {event.surface!r} {speed}"
-        return "", ""
-
-    def marked(self, a: Along, name: str, note: str) -> BranchPoint:
-        """The point with a name."""
-        return replace(a.point, special=name, note=note)
+            note = f"surface {event.surface!r} reached with relative speed {edge.transversality:.3g}"
+            return replace(a.point, special=name, note=note, surface=event.surface)
+        return None
 
     # -- boundary equilibria -------------------------------------------------------------------------------
 
@@ -317,9 +320,7 @@ class Crossings:
             tangent = -tangent
         onwards = corrector.along(z, tangent)
         onwards = replace(onwards, tangent=tangent, point=_leaving(onwards.point, test))
-        same = tangent[-1] * a.tangent[-1] > 0
-        note = f"{'persistence' if same else 'non-smooth fold'}; {name}: {problem.mode} -> {new.mode}"
-        return at.point.named("boundary equilibrium", problem.kind, note), onwards
+        return _boundary_point(at, name, tangent[-1] * a.tangent[-1] > 0, [new]), onwards
 
     def _kink(self, a: Along, at: Along, name: str) -> tuple[BranchPoint, Along | None]:
         """The boundary equilibrium on a kink, and the first point of the branch on its other side; None where
@@ -331,13 +332,10 @@ class Crossings:
         kinks = [i, *(k for k in range(len(problem.mode)) if k != i and problem.lies_on(k, *place))]
         ways = self._ways(problem, kinks, at)
         onwards = ways[0]
-        new = onwards.corrector.problem
         virtual = a.point.tests[name] < 0 and not _begins_on(a, name)
         same = (onwards.tangent[-1] * at.tangent[-1] > 0) != virtual
-        note = f"{'persistence' if same else 'non-smooth fold'}; {name}: {problem.mode} -> {new.mode}"
-        for other in ways[1:]:
-            note += f"; another branch leaves in mode {other.point.word}"
-        return at.point.named("boundary equilibrium", problem.kind, note), None if virtual else onwards
+        found = _boundary_point(at, name, same, [way.corrector.problem for way in ways])
+        return found, None if virtual else onwards
 
     def reached(self, a: Along) -> tuple[BranchPoint, Along] | None:
         """Across a kink at which the field of the mode ends, as that of Max(x, 0)**1.5 does: its points are
@@ -391,6 +389,15 @@ class Crossings:
         return out
 
 
+def _boundary_point(at: Along, test: str, same: bool, others: list[Any]) -> BranchPoint:
+    """The boundary equilibrium at which a test vanishes; same: whether the branch goes on, not back."""
+    problem, onto = at.corrector.problem, tuple(mode_text(other.mode) for other in others)
+    note = f"{'persistence' if same else 'non-smooth fold'}; {test}: {problem.mode} -> {others[0].mode}"
+    note += "".join(f"; another branch leaves in mode {mode}" for mode in onto[1:])
+    named = at.point.named("boundary equilibrium", problem.kind)
+    return replace(named, note=note, test=test, onto=onto)
+
+
 def _leaving(point: BranchPoint, test: str) -> BranchPoint:
     """The start of the other kind: the test that is 0 to rounding there counts as left."""
     return replace(point, tests={**point.tests, test: abs(point.tests[test])})
@@ -421,8 +428,8 @@ def _changes(a: Along, b: Along, name: str) -> bool:
 def _titled(point: BranchPoint, name: str, kind: str) -> BranchPoint:
     """The point with its name; kind: of the branch."""
     if name.startswith(PREFIX):
-        special, note = title(name)
-        return replace(point, special=special, note="; ".join(filter(None, (point.note, note))))
+        special, test = title(name)
+        return replace(point, special=special, note="; ".join(filter(None, (point.note, test))), test=test)
     return point.named("boundary equilibrium" if name.startswith(BOUNDARY) else name, kind)
 
 

@@ -82,7 +82,7 @@ def curve(
     names = {name: name for name in special.tests}
     kind = "grazing" if special.special in GRAZING else names.get(special.special, special.special)
     if kind == "boundary equilibrium":
-        kind = special.note.split("; ")[1].split(":")[0]
+        kind = special.test
     if kind not in (*special.tests, "grazing", "branch point", *BORDERS):
         known = ", ".join(dict.fromkeys((*special.tests, "branch point", "grazing", *BORDERS)))
         raise UsageError(f"no curve is known for {special.special!r}; known: {known}.")
@@ -285,8 +285,10 @@ class CurveProblem:
         """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""
         found: BranchPoint = self._inner(value).point(u[:-1], float(u[-1]))
         data = {self.inner.parameter: float(u[-1]), **found.coordinates}
-        note = self._note(found)
-        if "neutral saddle" not in note:
+        note = found.note
+        if self._is_neutral(found):
+            note = "; ".join(filter(None, (note, "neutral saddle")))
+        else:
             found = replace(found.named(self.test, self.inner.kind), special=found.special)
         # The word at a grazing changes with rounding.
         return replace(
@@ -294,15 +296,13 @@ class CurveProblem:
             tests=self.tests(u, value, found), note=note,
         )  # fmt: skip
 
-    def _note(self, point: BranchPoint) -> str:
-        """A note where the pair of a Hopf or Neimark-Sacker curve is real."""
+    def _is_neutral(self, point: BranchPoint) -> bool:
+        """Whether the pair of a Hopf or Neimark-Sacker curve is real."""
         hopf, values = self.test == "Hopf", np.array(point.multipliers, dtype=complex)
         if (not hopf and self.test != "Neimark-Sacker") or len(values) < 2:
-            return point.note
+            return False
         pair, _ = critical_pair(values, hopf)
-        if np.max(np.abs(pair.imag)) < 1e-9:
-            return "; ".join(filter(None, (point.note, "neutral saddle")))
-        return point.note
+        return bool(np.max(np.abs(pair.imag)) < 1e-9)
 
     def moved(self, u: Array, value: float) -> CurveProblem:
         """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""

@@ -85,7 +85,7 @@ def switch_curve(
     inner = old.moved(np.array(special.u), at).inner
     avoid: Tangency | None = None
     if kind == BOUNDARY:
-        kind = special.note.rpartition("; ")[2]
+        kind = special.test
     elif is_boundary(old.test) and isinstance(inner, EquilibriumProblem):
         inner, u = _regular(inner, old.test, u)
     if special.special == "double grazing":

@@ -9,7 +9,6 @@ A continuation puts them into `coefficients` and `predicts` of the special point
 
 from __future__ import annotations
 
-import ast
 from dataclasses import replace
 from typing import Any
 
@@ -25,7 +24,6 @@ from filippov.analysis.bifurcations.function_problem import FunctionProblem
 from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS
 from filippov.analysis.bifurcations.smooth_normal_form import Form, doubling, fold, hopf, neimark_sacker
 from filippov.base.errors import UsageError
-from filippov.base.status import mode_text
 
 BORDER = (*TOUCHED, *ARRIVALS, ADDING)
 KINDS = (
@@ -50,12 +48,9 @@ def normal_form(problem: Any, point: BranchPoint, width: float, name: str) -> Fo
         if kind == "Hopf":
             return hopf(problem, u, value, width, name)
         if kind == "boundary equilibrium":
-            _, crossed, *others = point.note.split("; ")
-            if others:
+            if len(point.onto) > 1:
                 raise UsageError("more than two branches meet on the kinks there.")
-            test, _, modes = crossed.rpartition(": ")
-            other = mode_text(ast.literal_eval(modes.split(" -> ")[1]))
-            return boundary(problem, test, u, value, other).form(value, width, name)
+            return boundary(problem, point.test, u, value, point.onto[0]).form(value, width, name)
     if kind == "fold" and (maps or isinstance(problem, EquilibriumProblem | FunctionProblem)):
         return fold(problem, u, value, width, name)
     if maps and kind in ("period doubling", "symmetry breaking"):

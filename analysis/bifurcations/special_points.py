@@ -39,12 +39,12 @@ def segments_of(orbit: Orbit) -> list[tuple[Mode, float]]:
     return out
 
 
-def name_of_change(before: Orbit, after: Orbit) -> tuple[str, str]:
-    """(name, note) of the change of the mode word between two orbits close to it."""
+def name_of_change(before: Orbit, after: Orbit) -> tuple[str, str, str]:
+    """(name, surface, note) of the change of the mode word between two orbits close to it."""
     jumps = [[s for s, kind, _, _ in orbit.signature if kind == "reset"] for orbit in (before, after)]
     if len(jumps[0]) != len(jumps[1]):
         surface = (jumps[0] or jumps[1])[0]
-        return "C-bifurcation", f"surface {surface!r}: {len(jumps[0])} -> {len(jumps[1])} resets"
+        return "C-bifurcation", surface, f"{len(jumps[0])} -> {len(jumps[1])} resets"
     long, short = sorted((segments_of(before), segments_of(after)), key=len, reverse=True)
     names = [surface.name for surface in before.system.surfaces]
     goal = [mode for mode, _ in short]
@@ -57,10 +57,10 @@ def name_of_change(before: Orbit, after: Orbit) -> tuple[str, str]:
         first = first or triple
         rest = _without(rest, k)
     if first is None or not _same_cycle([mode for mode, _ in rest], goal):
-        return "change of the mode word", f"{before.word} -> {after.word}"
+        return "change of the mode word", "", f"{before.word} -> {after.word}"
     a, z, b = first
     i = next(j for j in range(len(names)) if z[j] != a[j] or z[j] != b[j])
-    return _named(a[i], z[i], b[i]), f"surface {names[i]!r}: {before.word} -> {after.word}"
+    return _named(a[i], z[i], b[i]), names[i], f"{before.word} -> {after.word}"
 
 
 def _named(a: int, z: int, b: int) -> str:

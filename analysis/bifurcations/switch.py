@@ -77,7 +77,7 @@ def switch(
     z = corrector.scaled(u, special.value)
     other = _other(corrector, z, tangent / corrector.sizes)
     point = problem.point(*corrector.plain(z))
-    point = replace(point, tests={}).named(special.special, problem.kind, "branches meet")
+    point = replace(point, tests={}, note="branches meet").named(special.special, problem.kind)
     branch = Branch(run.branch.parameter, run.branch.kind, dict(run.branch.parameters))
     out = Continuation(problem, special.value, (low, high), branch, direction, step)
     out.min_step, out.max_step, out.max_points, out.max_time = min_step, max_step, max_points, max_time

@@ -96,7 +96,7 @@ def _followed(run: Continuation, progress: Callable[[int, int], None] | None) ->
             progress(int(done), int(every))
 
     run.run(told)
-    if run.branch.message.startswith("interrupted"):
+    if run.branch.interrupted:
         raise KeyboardInterrupt
     return run.branch.message
 

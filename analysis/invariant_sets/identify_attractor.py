@@ -222,7 +222,7 @@ class Identifier:
                 flow.system, y[-1], EXPONENT * interval, interval=interval, t0=flow.t0, number=1,
                 parameters=flow.parameters,
             )  # fmt: skip
-            if "interrupted" in found.message:
+            if found.interrupted:
                 raise KeyboardInterrupt
             value, error = float(found.exponents[0]), float(found.error[0])
         except (*FAILS, UsageError):

@@ -34,7 +34,7 @@ from filippov.analysis.local_stability.stability_result import (
 from filippov.analysis.local_stability.stick_parts import Beside, Judged, beside_others, joined
 from filippov.analysis.steady.edges import side
 from filippov.analysis.steady.equilibria import MOST_MODES, equilibria, mode_options, mode_signs
-from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Missing
+from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Stopped
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.analysis.steady.mode_order import existing_modes
 from filippov.analysis.steady.time_signs import (
@@ -131,7 +131,7 @@ def stability_report(
             items += _items(context, equilibrium, t, outer.get(id(equilibrium)))
         except OutOfBudgetError as error:
             text = f"stopped after {len(items)} of {len(found)} equilibria: {error}. Give a larger budget."
-            notes.append(Missing(text))
+            notes.append(Stopped(text))
             break
     asked = [Judged(item.equilibrium, item.answer, item.drift) for item in items]
     near = _unsearched(system, form, values, modes, asked)

@@ -19,7 +19,7 @@ from filippov.analysis.local_stability.stability_result import (
     StabilityResult,
     Statement,
 )
-from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Stopped
 from filippov.base.escape import latex, markdown, printable
 from filippov.base.json_text import json_text
 
@@ -109,7 +109,7 @@ def render(result: StabilityResult, style: Style) -> str:
 
 def _summary(result: StabilityResult, style: Style) -> str:
     """The verdicts in one line, and whether they are all."""
-    cut = any(note.startswith("stopped after") for note in result.notes)
+    cut = any(isinstance(note, Stopped) for note in result.notes)
     left = " The search was stopped before its end." if cut else ""
     if not cut and not result.complete:
         left = " Not complete: see the notes at the end."

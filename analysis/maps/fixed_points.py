@@ -302,7 +302,7 @@ def _cycle(event_map: ScalarMap, d: float, left: float) -> FixedPoint | None:
 
 def equilibrium_set(event_map: ScalarMap, reach: float) -> FixedPoint:
     """The fixed point at 0, where the solution rests."""
-    slope, error, note = equilibrium_slope(event_map, reach)
+    slope, error, note, _ = equilibrium_slope(event_map, reach)
     return FixedPoint(0.0, "equilibrium set", slope, by_excess(abs(slope) - 1.0, error), 0.0, 0.0, note)
 
 
@@ -311,11 +311,9 @@ def jumps(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tupl
     d = grid(lo, hi, points)
     value = event_map(d)
     out: list[Jump] = []
-    if lo <= 0.0 < hi:
-        note = equilibrium_slope(event_map, 1e-3 * hi).note
-        if note.startswith("the map jumps"):
-            above = float(event_map(1e-9 * hi))
-            out.append(Jump(0.0, -above if lo < 0 else 0.0, above))
+    if lo <= 0.0 < hi and equilibrium_slope(event_map, 1e-3 * hi).jumps:
+        above = float(event_map(1e-9 * hi))
+        out.append(Jump(0.0, -above if lo < 0 else 0.0, above))
     rise = np.abs(np.diff(value))
     usual = 20.0 * np.median(rise / np.diff(d))
     least = _LEAST * max(abs(lo), abs(hi))

@@ -38,6 +38,7 @@ class SetSlope(NamedTuple):
     value: float
     error: float
     note: str = ""
+    jumps: bool = False
 
 
 def near_set(event_map: ScalarMap, reach: float) -> tuple[ScalarMap, float]:
@@ -58,9 +59,10 @@ def equilibrium_slope(event_map: ScalarMap, reach: float, side: float = 1.0) -> 
     """
     slope, share, notes = 1.0, 0.0, []
     for _ in range(event_map.order):
-        one, error, note = _one_return_slope(event_map.remake(order=1), side * reach)
+        found = _one_return_slope(event_map.remake(order=1), side * reach)
+        one, error, note, _ = found
         if not np.isfinite(one):
-            return SetSlope(float("nan") if np.isnan(one) else float(np.inf), 0.0, note)
+            return found._replace(value=abs(one), error=0.0)
         slope *= one
         share += error / abs(one) if one else 0.0
         side = side if one > 0 else -side
@@ -85,7 +87,7 @@ def _one_return_slope(event_map: ScalarMap, reach: float) -> SetSlope:
         return SetSlope(exact, CLOSED * abs(exact))
     fine, least = near_set(event_map, reach)
     if exact is not None:
-        return SetSlope(exact, np.inf, _leaving(fine, float(np.copysign(least, reach))))
+        return _unbounded(exact, np.inf, _leaving(fine, float(np.copysign(least, reach))))
     d = reach * 0.5 ** np.arange(LEVELS)
     ratios = fine(d) / d
     good = int(np.argmin(np.isfinite(ratios))) if not np.all(np.isfinite(ratios)) else LEVELS
@@ -95,11 +97,8 @@ def _one_return_slope(event_map: ScalarMap, reach: float) -> SetSlope:
     growth = np.abs(ratios[1:] / ratios[:-1])
     if abs(ratios[-1]) > 10.0 and np.all(growth[-5:] > 1.05) and growth[-1] > growth[-3] - 1e-3:
         sign = float(np.sign(ratios[-1]))
-        if np.all(growth[-3:] > 1.9):
-            note = f"the map jumps at the equilibrium set: R(0+) = {float(ratios[-1] * abs(d[-1])):.9g}"
-        else:
-            note = "the slope of the map grows without bound at the equilibrium set"
-        return SetSlope(sign * np.inf, 0.0, note)
+        jump = f"{float(ratios[-1] * abs(d[-1])):.9g}" if np.all(growth[-3:] > 1.9) else ""
+        return _unbounded(sign * np.inf, 0.0, jump)
     table: list[Array] = [ratios]
     for j in range(1, min(6, good - 2)):
         previous = table[-1]
@@ -117,12 +116,18 @@ def _one_return_slope(event_map: ScalarMap, reach: float) -> SetSlope:
     return SetSlope(best, max(error, CLOSED * abs(best)), note)
 
 
+def _unbounded(value: float, error: float, jump: str) -> SetSlope:
+    """A slope without bound; jump: the image R(0+) where the map jumps at the set, else ""."""
+    note = f"the map jumps at the equilibrium set: R(0+) = {jump}"
+    if not jump:
+        note = "the slope of the map grows without bound at the equilibrium set"
+    return SetSlope(value, error, note, bool(jump))
+
+
 def _leaving(fine: ScalarMap, least: float) -> str:
-    """What is seen of a jump of the map at the set, from the smallest coordinates."""
+    """The image of 0+ where the map jumps at the set, from the smallest coordinates; "" where it does not."""
     near, far = fine(np.array([30.0 * least, 60.0 * least]))
-    if abs(far / near - 1.0) < 0.01:
-        return f"the map jumps at the equilibrium set: R(0+) = {near:.6g}"
-    return "the slope of the map grows without bound at the equilibrium set"
+    return f"{near:.6g}" if abs(far / near - 1.0) < 0.01 else ""
 
 
 def _fitted(fine: ScalarMap, reach: float, least: float) -> tuple[float, float]:

@@ -39,7 +39,7 @@ class Lyapunov(Shown):
     error      from the scatter over 8 parts of the run
     t, running times and the exponents estimated up to them, (r,), (r, k): whether they have settled
     skipped    intervals left out because the solution grazes a surface in them
-    message    how the run ended, "" for as planned
+    message    how the run ended, "" for as planned; interrupted: by Ctrl-C
     parameters values by name; labels: of the axes, "t" and "exponents"
     """
 
@@ -51,6 +51,7 @@ class Lyapunov(Shown):
     message: str
     parameters: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, str] = field(default_factory=dict)
+    interrupted: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, without the estimates on the way; t: from when to when they are taken."""
@@ -106,7 +107,7 @@ def lyapunov(
     carried = CarriedBasis(np.linalg.qr(np.random.default_rng(0).standard_normal((n, k)))[0])
     logs: list[Array] = []
     times = [t]
-    skipped, end = 0, t + duration
+    skipped, end, interrupted = 0, t + duration, False
     count = 1
     try:
         while t < end - 1e-9 * interval and not message:
@@ -132,7 +133,7 @@ def lyapunov(
             assert run.sol is not None
             x, count = run.x_end, max(1, min(_MOST, _STEPS * count // len(run.sol.start)))
     except KeyboardInterrupt:
-        message = f"interrupted at t = {t:.9g}"
+        message, interrupted = f"interrupted at t = {t:.9g}", True
     if carried.unresolved:
         much = f"{carried.unresolved} times a direction shrinks faster than is resolved"
         message = "; ".join(filter(None, (message, f"{much}: take a shorter interval")))
@@ -146,7 +147,7 @@ def lyapunov(
              "exponents": f"Lyapunov exponents{time_unit(system, '1/')}"}  # fmt: skip
     return Lyapunov(
         running[-1], _scatter(table, spans), np.array(times), running, skipped, message,
-        system.parameters.others(parameters), named,
+        system.parameters.others(parameters), named, interrupted,
     )  # fmt: skip
 
 

@@ -21,7 +21,13 @@ from filippov.analysis.algebra.time_bounds import bounds
 from filippov.analysis.steady.branches import DegenerateError, Elimination, Family, UnsolvedError, short
 from filippov.analysis.steady.clocks import after, mover
 from filippov.analysis.steady.equilibria_numeric import NumericMode, numeric_equilibria
-from filippov.analysis.steady.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet, Missing
+from filippov.analysis.steady.equilibrium import (
+    Equilibria,
+    EquilibriumPoint,
+    EquilibriumSet,
+    Missing,
+    Stopped,
+)
 from filippov.analysis.steady.existence import FAR, Existence, ModeProblem
 from filippov.analysis.steady.mode_order import at_rest_only, existing_modes
 from filippov.analysis.steady.stops import with_stops
@@ -90,7 +96,7 @@ def equilibria(
                 more, said = _symbolic(system, form, mode, numbers, t, ranges, clock)
         except OutOfBudgetError as error:
             text = f"stopped after {k} of {len(chosen)} modes: {error}. Give a larger budget."
-            notes.append(Missing(text))
+            notes.append(Stopped(text))
             break
         notes += [note for note in said if note not in notes]
         found += more

@@ -145,6 +145,12 @@ class Missing(str):
     __slots__ = ()
 
 
+class Stopped(Missing):
+    """A note that the search was stopped before its end."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True)
 class Equilibria(Shown):
     """All that were found, with the parameter values at which existence was decided.

@@ -41,7 +41,7 @@ def run_lyapunov(settings: dict[str, Any], console: Console) -> int:
     folder.csv("exponents.csv", columns, np.column_stack([found.t[1:], found.running]).tolist())
     folder.picture("exponents.png", lambda: plot_lyapunov(found, title=loaded.title))
     folder.report()
-    return 130 if "interrupted" in found.message else 0
+    return 130 if found.interrupted else 0
 
 
 def run_diagram(settings: dict[str, Any], console: Console) -> int:

@@ -56,7 +56,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
             curves, coordinate=parameter, names=[item.kind for item in curves], title=loaded.title,
         ))  # fmt: skip
     folder.report()
-    if "interrupted" in branch.message:
+    if branch.interrupted:
         where = Path(settings["output"] or ".") / FILE
         console.say(f"go on with --resume {where}")
         return 130
