@@ -18,14 +18,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.keywords import keywords
 
-Array = npt.NDArray[np.float64]
 RATIOS, TIMES, TURNS = 240, 6000, 6.0
 
 

@@ -15,8 +15,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
@@ -30,7 +30,6 @@ from filippov.models.registry import Model, SectionData, register
 from filippov.solving.ensemble import solve_many
 from filippov.solving.state.events import Stop
 
-Array = npt.NDArray[np.float64]
 LAW = Hyperbolic(Fs=1, gamma=3)
 ENTRIES = (Stop("block 1", "sliding entry"), Stop("block 2", "sliding entry"))
 # Entries of one block that may come before both stick; a turn has two to six.

@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from filippov.base.arrays import Array
+
 Growth = Literal["stable", "unstable", "undecided"]
 GROWTHS: tuple[Growth, ...] = ("unstable", "stable", "undecided")
 # The accuracy of derivatives of a return, in units of rtol; of eigenvalues, in units of the largest.

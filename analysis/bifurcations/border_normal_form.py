@@ -24,7 +24,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.growth import by_multipliers
@@ -38,12 +37,11 @@ from filippov.analysis.bifurcations.smooth_normal_form import number
 from filippov.analysis.bifurcations.tangency import Tangency, nearest, tangencies
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.analysis.sensitivity.variation import mode_field
+from filippov.base.arrays import Array, Complex
 from filippov.base.errors import SolveError, UsageError
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 Form = tuple[dict[str, float], str]
 TOUCHED = ("grazing-sliding", "C-bifurcation", "grazing")
 _RETURNS, _LOST, _ASIDE = 200, 1e-9, 1e-4

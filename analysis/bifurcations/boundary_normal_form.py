@@ -33,9 +33,9 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.growth import ROUNDING
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem, is_kink
 from filippov.analysis.bifurcations.smooth_normal_form import number
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 
-Array = npt.NDArray[np.float64]
 Form = tuple[dict[str, float], str]
 _ZERO, _SAMPLES, _TURNS = 1e-7, 64, 1.5
 # Determinants below this part of the product of the lengths of their rows, in balanced units, are 0.

@@ -14,13 +14,13 @@ import numpy.typing as npt
 
 from filippov.analysis.algebra.growth import Growth, by_eigenvalues, by_multipliers
 from filippov.analysis.orbits.orbit_file import read_json, write_json
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering, unknown
 from filippov.base.shown import Shown
 from filippov.base.status import mode_text
 
-Array = npt.NDArray[np.float64]
 FORMAT, VERSION = "filippov branch", 1
 # How many multipliers a special point has on the border by its definition, and the error of the others.
 CRITICAL = {

@@ -16,14 +16,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.orbits.shooting import NoConvergenceError
+from filippov.base.arrays import Array
 from filippov.base.changed import changed
 
-Array = npt.NDArray[np.float64]
 _REACH, _ITERATIONS, _TOLERANCE, _NOISE, _UNFOLDED = 1e-5, 20, 1e-11, 1e-7, 1e-6
 
 

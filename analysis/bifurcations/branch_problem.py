@@ -14,7 +14,6 @@ from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.algebra.growth import ACCURACY, by_multipliers
@@ -25,6 +24,7 @@ from filippov.analysis.maps.set_slope import log_slope, near_set
 from filippov.analysis.orbits.orbit import Orbit, cycle_of_modes, make_orbit, whole_period
 from filippov.analysis.orbits.shooting import NoConvergenceError, velocity_at
 from filippov.analysis.sensitivity.saltation import derivative_by_all
+from filippov.base.arrays import Array, Complex
 from filippov.base.changed import changed
 from filippov.base.errors import UsageError
 from filippov.base.status import EventKind, Status
@@ -33,8 +33,6 @@ from filippov.model.system import System
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 # A cycle this much smaller than at the start is taken to shrink into the equilibrium set.
 _SHRUNK = 1e-5
 # One this much smaller is followed in steps that multiply d by 0.4, where the parameters' part of the tangent

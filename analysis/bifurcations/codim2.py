@@ -26,7 +26,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.boundary_normal_form import KinkEquilibrium, boundary
@@ -36,10 +35,9 @@ from filippov.analysis.bifurcations.corrector import FAILURES
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.return_jets import return_jets
 from filippov.analysis.bifurcations.smooth_normal_form import hopf_jets, quadratic
+from filippov.base.arrays import Array, Complex
 from filippov.base.errors import UsageError
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 # Keys of tests begin with it: "codim 2 NAME" or "codim 2 NAME @boundary SURFACE".
 PREFIX = "codim 2 "
 Tests = Iterator[tuple[str, float]]

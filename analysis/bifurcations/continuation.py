@@ -20,7 +20,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.bifurcations.branch_labels import labels_of
@@ -48,7 +47,6 @@ from filippov.base.shown import Shown
 from filippov.base.status import mode_text
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 # Cosine of the angle between two tangents below which a step is halved; no branch closes in fewer steps.
 _STRAIGHT, _FEWEST = 0.9, 3
 # So many iterations of the corrector shorten the next step.

@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.orbits.shooting import NoConvergenceError
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, SolveError
 
-Array = npt.NDArray[np.float64]
 FAILURES = (SolveError, ArithmeticError, np.linalg.LinAlgError, ModelError)
 _ITERATIONS, _TOLERANCE, _NOISE, _FARTHEST = 12, 1e-9, 1e-6, 0.5
 # Two points of a branch that are no farther apart are one.

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.bifurcations.branch import BOUNDARY, BranchPoint
@@ -21,9 +20,9 @@ from filippov.analysis.bifurcations.other_side import GRAZES, ended, off_border,
 from filippov.analysis.bifurcations.special_points import confirmed, name_of_change
 from filippov.analysis.orbits.margin import nearest_pass
 from filippov.analysis.orbits.shooting import NoConvergenceError
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind, mode_text
 
-Array = npt.NDArray[np.float64]
 _BISECTIONS = 44
 _AWAY = 1e-5
 _SAME = 1e-4

@@ -16,7 +16,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.border_normal_form import grazed_surface
@@ -31,13 +30,13 @@ from filippov.analysis.bifurcations.held_surface import without_surface
 from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS, Contact, contacts
 from filippov.analysis.bifurcations.tangency import Tangency, tangencies
 from filippov.analysis.orbits.shooting import NoConvergenceError
+from filippov.base.arrays import Array
 from filippov.base.changed import changed
 from filippov.base.errors import UsageError
 from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 
-Array = npt.NDArray[np.float64]
 _REACH, _SMALLEST = 1e-5, 1e-7
 GRAZING = ("grazing-sliding", "C-bifurcation", "grazing")
 BORDERS = (*ARRIVALS, ADDING)

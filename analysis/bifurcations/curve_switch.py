@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.bifurcations.codim2 import is_boundary
@@ -11,11 +10,11 @@ from filippov.analysis.bifurcations.continuation import Continuation
 from filippov.analysis.bifurcations.curve import CONTACTS, CurveProblem
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.tangency import Tangency
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
 
-Array = npt.NDArray[np.float64]
 BOUNDARY = "boundary equilibrium"
 MEETS: dict[str, tuple[str, ...]] = {
     "resonance 1:1": ("fold", "Neimark-Sacker"),

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.algebra import linalg
@@ -22,8 +21,8 @@ from filippov.analysis.bifurcations.branch import LOCATED, BranchPoint
 from filippov.analysis.bifurcations.branch_problem import OrbitProblem
 from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem, is_kink
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 SHRINKS = "cycle shrinks into an equilibrium"
 _OPPOSITE, _DOUBLINGS = -0.5, 14
 # In units of the orbit's size at the start: when an end is asked for, also where the modes change or not.

@@ -28,15 +28,14 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.model.symbolic import lie_derivative
 from filippov.model.symbols import t as time
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 GRAZING = "grazing"
 # Speeds and jumps below this, relative to their scales, count as 0.
 _ZERO = 1e-5

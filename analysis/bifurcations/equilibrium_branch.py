@@ -22,13 +22,13 @@ from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.equilibrium_units import branch_units
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import depends_on_time
+from filippov.base.arrays import Array
 from filippov.base.changed import changed
 from filippov.base.errors import UsageError
 from filippov.base.status import mode_text
 from filippov.model.system import System
 from filippov.solving.state.events import Mode
 
-Array = npt.NDArray[np.float64]
 # What is this near to a kink, in units of the unknowns and the parameter, lies on it.
 _ON = 1e-11
 

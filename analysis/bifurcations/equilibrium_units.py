@@ -9,11 +9,10 @@ between those of a line and of a root.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.steady.dimensionless import APART, Terms, balanced_units
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 # A state below this part of its unit is 0. Units farther from 1 come of a slope that is 0 but for rounding.
 _ZERO, _FARTHEST = 1e-6, 1e12
 

@@ -20,13 +20,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
 from filippov.analysis.algebra import linalg
+from filippov.base.arrays import Array, Complex
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 _NODES = np.cos(np.pi * (np.arange(6) + 0.5) / 6)
 
 

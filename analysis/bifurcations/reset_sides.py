@@ -13,18 +13,16 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy import Expr
 
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.model.symbolic import Select
 from filippov.model.symbols import t as time
 from filippov.model.system import System
 from filippov.solving.solution import Solution
 
-Array = npt.NDArray[np.float64]
 _RESETS = (EventKind.RESET, EventKind.TIME)
 
 

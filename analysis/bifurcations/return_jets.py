@@ -7,17 +7,16 @@ state of its equations. A map that rests at 0 is taken in the logarithm of its c
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch_problem import MapProblem, OrbitProblem
 from filippov.analysis.bifurcations.jets import Jets, OutsideError
 from filippov.analysis.orbits.shooting import NoConvergenceError, velocity_at
 from filippov.analysis.sensitivity.saltation import derivative_by_all
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.solving.solution import Solution
 
-Array = npt.NDArray[np.float64]
 _RETURNS = 8
 
 

@@ -17,17 +17,16 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from filippov.analysis.sensitivity.variation import ModeField, mode_field
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.solving.segments import Segment
 from filippov.solving.solution import Solution
 from filippov.solving.state.events import Mode
 
-Array = npt.NDArray[np.float64]
 ARRIVALS, ADDING = ("crossing-sliding", "switching-sliding"), "adding-sliding"
 # A tangency by c tau**2 leaves the surface for 4 tau, with the least distance at a quarter of that.
 _GRID, _BEYOND, _SHORT = 8, 0.5, 0.5

@@ -27,9 +27,9 @@ from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.jets import Jets
 from filippov.analysis.bifurcations.return_jets import return_jets
 from filippov.analysis.steady.dimensionless import APART
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 
-Array = npt.NDArray[np.float64]
 Form = tuple[dict[str, float], str]
 _ASIDE, _REACH, _FLAT = 1e-3, 1e-3, 1e-7
 # Part of a matrix by which it changes where nonlinear terms count.

@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
@@ -22,11 +21,11 @@ from filippov.analysis.bifurcations.continuation import Continuation
 from filippov.analysis.bifurcations.corrector import Along, Corrector
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.orbits.shooting import NoConvergenceError
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
 
-Array = npt.NDArray[np.float64]
 SWITCHES = ("branch point", "period doubling", "symmetry breaking")
 _REACH, _SINGULAR, _NOISE, _FLAT = 1e-4, 1e-3, 1e-6, 1e-4
 

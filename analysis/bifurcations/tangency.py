@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.analysis.sensitivity.variation import ModeField, mode_field
+from filippov.base.arrays import Array
 from filippov.solving.solution import Solution
 
-Array = npt.NDArray[np.float64]
 _GRID = 8
 
 

@@ -19,8 +19,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.keywords import constructor
 from filippov.base.names import unknown
@@ -29,7 +29,6 @@ from filippov.model.system import System
 from filippov.solving.solution import Solution
 from filippov.solving.state.machine import Machine
 
-Array = npt.NDArray[np.float64]
 # tanh(10) is 1 to 4e-9: beyond this many widths the smooth sign is the sign.
 SMOOTH_REACH = 10.0
 # Times in one stay in the layer at which it is seen whether the exact system attracts.

@@ -21,7 +21,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, overload
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.comparisons.band_model import BandModel, comparator_models
 from filippov.analysis.comparisons.comparison_labels import section_labels
@@ -36,13 +35,13 @@ from filippov.analysis.comparisons.comparison_run import (
 from filippov.analysis.comparisons.solution_result import SolutionComparison
 from filippov.analysis.comparisons.solutions import compare_solutions
 from filippov.analysis.maps.section import Section
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import Count, Interval, NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 WIDTHS = tuple(10.0**-k for k in range(2, 9))
 
 

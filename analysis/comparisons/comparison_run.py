@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.comparisons.band_model import BandModel, Reader, Stay
 from filippov.analysis.comparisons.solution_events import EventReader
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.gap_roots import fixed_point_near
 from filippov.analysis.maps.section import Section
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.status import Status
 from filippov.model.system import System
@@ -25,7 +25,6 @@ from filippov.solving.solver import solve
 from filippov.solving.state.events import Stop
 from filippov.solving.state.options import check_state
 
-Array = npt.NDArray[np.float64]
 Position = Callable[[float, Any, Any], float]
 TIGHT = 3e-14
 LATEST = 2.0  # a band model that takes longer than this times the exact return does not return

@@ -17,18 +17,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.event_map import EventMap
+from filippov.base.arrays import Array
 from filippov.base.errors import SolveError, UsageError
 from filippov.model.symbolic import slope_of
 from filippov.model.symbols import t as time
 
-Array = npt.NDArray[np.float64]
 NEWTON = 40
 
 

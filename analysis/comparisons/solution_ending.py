@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
+from filippov.base.arrays import Array
 from filippov.solving.solution import Solution
 
-Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.int64]
 SAMPLES = 4001
 # Of the extents: what rests moves by no more in the last twentieth of the span; a cycle by more in the last

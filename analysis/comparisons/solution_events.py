@@ -7,17 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.comparisons.approximation import Approximation
 from filippov.analysis.comparisons.band_model import Reader, Stay
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.model.system import System
 from filippov.solving.solution import Solution
 from filippov.solving.state.options import STEPPING
 
-Array = npt.NDArray[np.float64]
 MOST_NODES = 4000
 # Gauss points a step for the way covered in stick.
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)

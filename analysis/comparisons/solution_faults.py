@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.comparisons.band_model import Stay
 from filippov.analysis.comparisons.solution_ending import CHANGES, RESTS, Ending
 from filippov.analysis.comparisons.solution_events import Read
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 # Kinds differ where their measures do, by this factor, not where both are beside a limit.
 CLEARLY = 2.0
 # Of the extents: what ends further away ends elsewhere; what is everywhere nearer has the cycle of the other.

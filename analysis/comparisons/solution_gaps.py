@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.solving.solution import Solution
 
-Array = npt.NDArray[np.float64]
 # An impact without a counterpart that jumps by so much of the error, and of the extents, is noted.
 MAKES, SEEN = 0.5, 0.01
 

@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.comparisons.approximation import Approximation
 from filippov.analysis.comparisons.solution_ending import Ending, ending
 from filippov.analysis.comparisons.solution_events import EventReader, Read
 from filippov.analysis.comparisons.solution_faults import Seen
 from filippov.analysis.comparisons.solution_gaps import largest_gap
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.status import Status
 from filippov.model.system import System
@@ -23,7 +23,6 @@ from filippov.solving.solver import solve
 from filippov.solving.state.options import check_state
 from filippov.sweep.measure import Function, read_measures
 
-Array = npt.NDArray[np.float64]
 GRID, TAIL, TIGHT = 2001, 0.25, 3e-14
 # An explicit method takes about rate * span / 6 steps for stability: beyond so many the implicit one is taken
 STIFF_STEPS = 2000.0

@@ -18,6 +18,7 @@ from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.first_return import MOST_STEPS
 from filippov.analysis.maps.map_units import map_units
 from filippov.analysis.maps.section import Section
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import Axis, Count, Interval, Positive, Values
 from filippov.base.keywords import keywords
@@ -30,7 +31,6 @@ from filippov.solving.ensemble import solve_many
 from filippov.solving.state.problem import Problem
 from filippov.sweep.plan import Sweep
 
-Array = npt.NDArray[np.float64]
 CHUNK = 20_000
 UNKNOWN, OUTSIDE, LOST = -1, -2, -3
 

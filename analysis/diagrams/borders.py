@@ -11,7 +11,6 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.bifurcations.continuation import continuation
@@ -20,10 +19,10 @@ from filippov.analysis.bifurcations.curve import curve
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.set_slope import log_slope
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 Border = tuple[str, Array]
 Excess = Callable[[float, float], float]
 FOLD, SET = "fold of two cycles", "set changes stability"

@@ -15,6 +15,7 @@ from filippov.analysis.maps.returns import Returns, coordinate_of, returns
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.analysis.steady.forcing import is_forced
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import Count, Natural, Positive, as_float, shown
 from filippov.base.keywords import keywords
@@ -24,7 +25,6 @@ from filippov.model.system import System
 from filippov.plot.style import axis_label, coordinate_labels
 from filippov.solving.solver import solve
 
-Array = npt.NDArray[np.float64]
 REST = 1e-8
 # What a coordinate may be wrong by, in units of rtol of its size.
 NOISE = 10.0

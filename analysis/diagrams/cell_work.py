@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra.growth import GROWTHS
 from filippov.analysis.diagrams.cells import CLOSEST, COLUMNS, cells
@@ -17,17 +16,16 @@ from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.map_rows import MapRows
 from filippov.analysis.maps.section import Section
+from filippov.base.arrays import Array, Whole
 from filippov.base.errors import SolveError
 from filippov.base.status import Status
 from filippov.base.version import package_version
 from filippov.model.system import System
 from filippov.sweep.dependence import Dependence, dependence, plain_system
-from filippov.sweep.points import Whole
 from filippov.sweep.rows import Limits, Rows, in_blocks
 from filippov.sweep.table import SweepTable
 from filippov.sweep.toolchain import own_sources, toolchain
 
-Array = npt.NDArray[np.float64]
 MOST = 64  # fixed points of one value
 KINDS = ("limit cycle", "equilibrium set")
 _NUMBERS = ("d", "slope", "residual", "period")

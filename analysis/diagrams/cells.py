@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra.growth import GROWTHS, by_excess
-from filippov.analysis.maps.gap_roots import NOISE, Samples, Whole, brackets, coordinates, roots, split
+from filippov.analysis.maps.gap_roots import NOISE, Samples, brackets, coordinates, roots, split
 from filippov.analysis.maps.map_rows import MapRows
+from filippov.base.arrays import Array, Whole
 
-Array = npt.NDArray[np.float64]
 CLOSEST, STEPS, SLOPE, JUMP, NEAR = 1e-5, 7, 1e-3, 0.05, 0.2
 COLUMNS = ("cycles", "stable", "undecided", "set_verdict", "amplitude", "lost")
 

@@ -12,12 +12,11 @@ import numpy.typing as npt
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.shown import Shown
 from filippov.model.system import System
 from filippov.plot.style import axis_label, coordinate_labels
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

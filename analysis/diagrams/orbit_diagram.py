@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
@@ -29,7 +28,6 @@ from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 # Most points of one branch for each value that is asked for.
 _POINTS_EACH = 20
 

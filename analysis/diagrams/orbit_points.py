@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.returns import returns
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope, strobes_and_turns
 from filippov.analysis.orbits.orbit import Orbit
+from filippov.base.arrays import Array
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 # An event this near to the end of a period, in parts of it, is the one at its begin.
 _SAME = 1e-9
 

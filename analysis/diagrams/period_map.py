@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.diagrams.brute_force import brute_force, first_section
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope
+from filippov.base.arrays import Array, Whole
 from filippov.base.errors import UsageError
 from filippov.base.given import Axis, Count, Natural, Positive
 from filippov.base.keywords import keywords
@@ -24,8 +24,6 @@ from filippov.base.shown import Shown
 from filippov.model.system import System
 from filippov.plot.style import axis_labels
 
-Array = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
 UNKNOWN = -1
 
 

@@ -21,6 +21,7 @@ from filippov.analysis.diagrams.cell_work import CellWork
 from filippov.analysis.diagrams.cells import CLOSEST, cells
 from filippov.analysis.maps.map_rows import MapRows
 from filippov.analysis.maps.section import Section
+from filippov.base.arrays import Array, Whole
 from filippov.base.errors import UsageError
 from filippov.base.given import Axis, Count, Interval, Positive
 from filippov.base.keywords import keywords
@@ -31,8 +32,6 @@ from filippov.plot.style import axis_labels
 from filippov.sweep.rows import ERROR
 from filippov.sweep.run import run
 
-Array = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
 # Cells that are computed side by side: whole rows, as many as have so many cells. An interrupt loses no more.
 _SIDE_BY_SIDE = 250
 # By their place, from the end for -1: "undecided" is the last.

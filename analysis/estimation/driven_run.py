@@ -16,13 +16,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array, Whole
 from filippov.model.system import System
 from filippov.solving.ensemble import Prepared
 
-Array = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
 TERMS = ("force", "change", "bend", "twist")
 INPUT = (*TERMS, "interval")
 # Relative step of the differences; its square is small beside the tolerance of one interval.

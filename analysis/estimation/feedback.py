@@ -21,8 +21,8 @@ import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.estimation.driven_run import DrivenRun, DrivenTrajectory, Pieces
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 # Gauss and Lobatto's points: the cubic through them has the integral of the trajectory up to the sixth order.
 LOBATTO = np.array([0.0, 0.5 - np.sqrt(0.05), 0.5 + np.sqrt(0.05), 1.0])
 LOBATTO_WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 12

@@ -25,9 +25,8 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.estimation.driven_run import Pieces
 from filippov.analysis.estimation.feedback import Feedback
 from filippov.analysis.estimation.force_segment import ForceSegment
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
 # Samples of the shortest segment (a cubic and something over), and of the longest, whose matrices are dense.
 SHORTEST, LONGEST = 6, 240
 # Samples on either side that say where a kink is.

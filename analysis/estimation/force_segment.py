@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import BSpline
 from scipy.linalg import solve_triangular
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.estimation.residual_noise import triangle
-
-Array = npt.NDArray[np.float64]
+from filippov.base.arrays import Array
 
 
 @dataclass(frozen=True)

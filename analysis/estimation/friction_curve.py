@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from scipy.optimize import least_squares
 
@@ -20,13 +19,12 @@ from filippov.analysis.estimation.identification import (
     parameter_bounds,
 )
 from filippov.analysis.estimation.record import Curve
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import Values
 from filippov.base.keywords import keywords
 from filippov.model.symbols import t
 from filippov.model.system import System
-
-Array = npt.NDArray[np.float64]
 
 
 @keywords()

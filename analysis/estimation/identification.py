@@ -20,7 +20,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.stats import t as student
 
 from filippov.analysis.algebra import linalg
@@ -29,6 +28,7 @@ from filippov.analysis.estimation.identify_fit import Fit, Fitting
 from filippov.analysis.estimation.misfit import DOUBTED, Test, misfit_tests, refusal, widened
 from filippov.analysis.estimation.record import Record
 from filippov.analysis.estimation.residual_noise import degrees_of_freedom, generalised
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.escape import figure_text
 from filippov.base.given import Count, Positive, Values
@@ -37,7 +37,6 @@ from filippov.base.names import unknown
 from filippov.base.shown import Shown
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 HOLDS = ("auto", "cubic", "first", "zero")
 
 

@@ -25,9 +25,9 @@ from filippov.analysis.estimation.residual_noise import (
     reduced,
     squares,
 )
+from filippov.base.arrays import Array
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 # Rounds of force, noise and least squares; they end when the estimates stay within this part of their errors.
 ROUNDS, SETTLED = 15, 0.1
 # Rounds in which the force's kinks may still move.

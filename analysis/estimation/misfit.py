@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import solve_triangular
 from scipy.stats import chi2
 from scipy.stats import f as fisher
@@ -27,8 +26,8 @@ from filippov.analysis.estimation.residual_noise import (
     triangle,
     whitened,
 )
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 # Chance that one of the tests refuses the true law, and that one of them widens its intervals.
 REFUSED, DOUBTED = 1e-4, 0.05
 LAGS, BUMPS = 20, 3

@@ -9,15 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.keywords import constructor, keywords
 from filippov.base.names import closest
 from filippov.base.read_whole import read_text
 from filippov.model.signals.columns import refuse_other_marks
 
-Array = npt.NDArray[np.float64]
 LARGEST = 5_000_000
 LARGEST_FILE = 1 << 30
 LEAST = 8

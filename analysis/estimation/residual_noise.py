@@ -15,12 +15,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize
 
 from filippov.analysis.algebra import linalg
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 # Largest correlation from sample to sample that is distinguished from a drift.
 LARGEST = 0.998
 

@@ -12,16 +12,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import elementwise
 
 from filippov.analysis.maps.gap_roots import coordinates
 from filippov.analysis.maps.map_rows import MapRows
 from filippov.analysis.maps.section import Section
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 CLOSEST = 1e-6
 NEAR, STEPS = 0.8, 12
 

@@ -6,17 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.gains.contraction import contraction
 from filippov.analysis.maps.section import Section
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import Axis, Count, Interval
 from filippov.base.keywords import keywords
 from filippov.model.system import System
 from filippov.plot.style import axis_labels
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,8 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.algebra import linalg
-from filippov.analysis.harmonic.quasi_linear import Array, ComplexArray, Lure, lure, width_unit
+from filippov.analysis.harmonic.quasi_linear import ComplexArray, Lure, lure, width_unit
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.escape import figure_text
 from filippov.base.given import Interval

@@ -15,12 +15,12 @@ import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError
 from filippov.model.symbolic import Select
 from filippov.model.symbols import t
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 
 PANELS, SHARPER, POINTS = 9, 5.0, 16

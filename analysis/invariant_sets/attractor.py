@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.orbits.orbit import Orbit
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.shown import Shown
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 AttractorKind = Literal["equilibrium", "equilibrium set", "periodic", "chaotic", "aperiodic"]
 # Points of a period between which an autonomous orbit is taken for straight.
 POINTS = 2000

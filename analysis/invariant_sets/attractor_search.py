@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.invariant_sets.attractor import Attractor, AttractorKind
 from filippov.analysis.invariant_sets.identify_attractor import NEAR, Identifier
@@ -13,10 +12,9 @@ from filippov.analysis.invariant_sets.recurrence import Grid, Past
 from filippov.analysis.invariant_sets.rest_set import groups
 from filippov.analysis.invariant_sets.search_file import EVERY, SearchFile
 from filippov.analysis.invariant_sets.state_map import StateMap
+from filippov.base.arrays import Array, Whole
 from filippov.base.status import Status
 
-Array = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
 LOST, ESCAPED, FAILED, UNSTABLE, UNIDENTIFIED = -1, -2, -3, -4, -5
 # Iterates in a row within reach of an attractor that make a solution its own; without displacement, that are
 # rest.

@@ -32,6 +32,7 @@ from filippov.analysis.invariant_sets.state_map import StateMap
 from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit import stored_system
 from filippov.analysis.orbits.orbit_file import read_json, write_json
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import Count, Natural, Positive, Values
 from filippov.base.keywords import keywords
@@ -40,7 +41,6 @@ from filippov.base.shown import Shown
 from filippov.io.stored_system import system_data
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 FORMAT, VERSION = "filippov attractors", 1
 SPECIAL = {
     LOST: "undecided", ESCAPED: "escapes", FAILED: "failed", UNSTABLE: "does not move on to an attractor",

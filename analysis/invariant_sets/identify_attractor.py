@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.invariant_sets.attractor import Attractor, AttractorKind, curve_of
@@ -15,10 +14,10 @@ from filippov.analysis.maps.stroboscope import strobes_and_turns
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.lyapunov import lyapunov
+from filippov.base.arrays import Array
 from filippov.base.errors import SolveError, UsageError
 from filippov.solving.solver import solve
 
-Array = npt.NDArray[np.float64]
 # Iterates that are looked at; longest period of the map that is searched; iterates kept of a chaotic
 # attractor.
 LOOK, LONGEST, KEPT = 200, 48, 1200

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.invariant_sets.manifold_of_map import Growth, grow
 from filippov.analysis.invariant_sets.return_map import ReturnMap
@@ -22,6 +21,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_file import write_json
 from filippov.analysis.orbits.saddle import Saddle, Side, saddle
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
@@ -31,7 +31,6 @@ from filippov.model.system import System
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 
-Array = npt.NDArray[np.float64]
 OFFSET = 1e-6
 INSIDE, CHUNKS, DOUBLED = 8, 400, 6
 

@@ -15,13 +15,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.invariant_sets.return_map import ReturnMap
 from filippov.analysis.orbits.saddle import Side
+from filippov.base.arrays import Array
 from filippov.base.status import Status
 
-Array = npt.NDArray[np.float64]
 LEVELS, ROUNDS, FIRST = 400, 80, 9
 # Sharpest bend between neighbours [rad]; below this part of the spacing bends are not looked at.
 BEND, SHORT = 0.2, 0.02

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
+from filippov.base.arrays import Array, Whole
+
 # Odd factors that spread the places over 64 bits (Steele, Lea & Flood 2014, OOPSLA, 453).
 _SPREAD = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB], dtype=np.uint64)
 

@@ -12,9 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.invariant_sets.state_map import StateMap
+from filippov.base.arrays import Array, Whole
 
-Array = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
 BETWEEN = 12
 # The widest gap of a chain, in parts of an even spacing; how often R is applied to come to rest.
 GAP, ITERATES = 2.5, 60

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.section import Section
@@ -15,13 +14,13 @@ from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.saddle import Side
 from filippov.analysis.orbits.shooting import onto_surfaces
 from filippov.analysis.sensitivity.saltation import flow_derivative, onto_section
+from filippov.base.arrays import Array
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.status import Status
 from filippov.solving.ensemble import Prepared
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 
-Array = npt.NDArray[np.float64]
 STEPS, RETURNS, SAME = 200_000, 64, 1e-6
 
 

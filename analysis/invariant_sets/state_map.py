@@ -17,6 +17,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.shooting import resolved
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
 from filippov.analysis.steady.forcing import Period, is_forced
+from filippov.base.arrays import Array
 from filippov.base.changed import changed
 from filippov.base.errors import UsageError
 from filippov.base.status import Status
@@ -24,7 +25,6 @@ from filippov.model.system import System
 from filippov.solving.ensemble import Ensemble, Prepared
 from filippov.solving.solver import solve
 
-Array = npt.NDArray[np.float64]
 Kind = Literal["strobe", "step", "section"]
 STEPS = 200_000
 # A solution is at rest where it is unchanged at these shares of the map's time as well.

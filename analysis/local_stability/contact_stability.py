@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 
@@ -27,9 +26,8 @@ from filippov.analysis.local_stability.stability_result import Answer, Equilibri
 from filippov.analysis.steady.clocks import branch_points
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.linearisation import Linearisation, characteristic_polynomial, linearise
+from filippov.base.arrays import Array
 from filippov.model.symbols import t as time
-
-Array = npt.NDArray[np.float64]
 
 SOURCE = "Leine & van de Wouw 2008"
 BOUNCES = "Brogliato 2016"

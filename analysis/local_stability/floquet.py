@@ -7,7 +7,6 @@ Source: Hale 1980, Ordinary Differential Equations; with resets Bainov & Simeono
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
 from filippov.analysis.algebra import linalg
@@ -16,9 +15,9 @@ from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Answer
 from filippov.analysis.steady.clocks import Phases, after, branch_points, phases, resetting
 from filippov.analysis.steady.forcing import forcing_period
+from filippov.base.arrays import Array
 from filippov.model.symbols import t as time
 
-Array = npt.NDArray[np.float64]
 CLEAR = 1e-6
 SAME_PERIOD, MOST_TURNS = 1e-10, 256
 PULSES = 512

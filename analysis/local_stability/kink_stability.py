@@ -15,7 +15,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy import Expr, Rational, Symbol
 
@@ -26,8 +25,8 @@ from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Answer, Statement
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.analysis.steady.linearisation import linearise
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 CLEAR = 1e-9
 # Where along a set the verdict is asked.
 SPOTS = (0.47, 0.03, 0.26, 0.71, 0.97)

@@ -8,14 +8,13 @@ p/g annihilate A (the minimal polynomial has them once). Source: Gantmacher 1959
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from scipy.linalg import matrix_balance
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.polynomial import SYMBOL, count_roots
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 # Of entries that are no fractions: real parts and gaps of roots below SAME of the norm are 0, those above
 # APART are not, and between them nothing is said.
 SAME, APART = 1e-11, 1e-6

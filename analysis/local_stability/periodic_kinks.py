@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
 from filippov.analysis.local_stability.floquet import by_modulus, common_period, floquet, monodromy
@@ -20,9 +19,9 @@ from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Answer
 from filippov.analysis.steady.clocks import Phases, after, branch_points, resetting
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.base.arrays import Array
 from filippov.model.symbols import t as time
 
-Array = npt.NDArray[np.float64]
 STEPS, DIRECTIONS, PERIODS = 1024, 720, 12
 # The least change of the logarithm of a length that is distinguished from none.
 CLEAR_LOG = 1e-3

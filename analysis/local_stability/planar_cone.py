@@ -13,11 +13,10 @@ import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 # Samples of a turn between which a sign change of g is looked for, and what counts as 0 of A's size.
 SAMPLES, ZERO = 4096, 1e-7
 # A ray is that of the set where the cosine of the angle between them is as near to 1.

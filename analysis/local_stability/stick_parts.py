@@ -17,15 +17,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.local_stability.stability_result import Answer
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.base.arrays import Array
 from filippov.model.symbols import t as time
 
-Array = npt.NDArray[np.float64]
 Equilibrium = EquilibriumPoint | EquilibriumSet
 NEAR = 1e-9
 # Of places of two sets that a search without formulas tells apart, and how far it looks on unbounded ones.

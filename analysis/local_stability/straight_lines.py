@@ -9,15 +9,14 @@ other solutions may leave the mode and be brought back. Source: Hartman 1964, Or
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.edges import side
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 SOURCE = "Hartman 1964, Ordinary Differential Equations"
 TEXT = "a solution leads straight away from it inside its mode"
 ON, CLEAR = 1e-9, 1e-9

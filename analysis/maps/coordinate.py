@@ -6,14 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
 from filippov.model.expression import parse_expression
 from filippov.model.system import System
-
-Array = npt.NDArray[np.float64]
 
 
 class Coordinate:

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.maps.returns import after, is_still, returns
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.analysis.steady.forcing import is_forced
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import Positive
 from filippov.base.keywords import keywords
@@ -21,7 +21,6 @@ from filippov.solving.solver import solve
 from filippov.solving.state.events import Event
 from filippov.solving.state.options import check_state
 
-Array = npt.NDArray[np.float64]
 # Lengths of the solutions that are looked at, one after the other until something recurs; most events and
 # steps of one.
 _SPANS, _EVENTS, _STEPS = (1e2, 1e3, 1e4, 1e5), 400, 20_000

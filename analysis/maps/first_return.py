@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from filippov.analysis.maps.section import BoundSection
 from filippov.analysis.steady.forcing import depends_on_time
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.status import Status
 from filippov.solving.ensemble import solve_many
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 
-Array = npt.NDArray[np.float64]
 # A return takes tens of steps; a solution that takes this many does not come back.
 MOST_STEPS = 200_000
 # Events of the section's kind that may pass before one leads into the mode that is wanted.

@@ -16,10 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.algebra.growth import ACCURACY, Growth, by_excess, by_multipliers
-from filippov.analysis.maps.gap_roots import NOISE, Gap, Samples, Whole, brackets, coordinates, roots, split
+from filippov.analysis.maps.gap_roots import NOISE, Gap, Samples, brackets, coordinates, roots, split
 from filippov.analysis.maps.map_units import finer, map_units
 from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
+from filippov.base.arrays import Array, Whole
 from filippov.base.errors import UsageError
 from filippov.base.shown import Shown
 from filippov.base.status import Status
@@ -27,7 +28,6 @@ from filippov.base.status import Status
 if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ScalarMap
 
-Array = npt.NDArray[np.float64]
 TIGHT, CLOSEST = 1e-12, 1e-5
 # Halvings between the coarse grid and the smallest coordinate, a decade in about three.
 PER_DECADE = 6

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import elementwise
 
-Array = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
+from filippov.base.arrays import Array, Whole
+
 # R(d) - d at coordinates (k,) of the maps with these numbers (k,); NaN where the map does not return.
 Gap = Callable[[Array, Whole], Array]
 # A cell that is not settled is split into PARTS, at most LEVELS times, to MOST samples for each at first.

@@ -17,7 +17,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
 from filippov.analysis.algebra import linalg
@@ -25,6 +24,7 @@ from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.drift_map import first_zero
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.linearisation import linearise
+from filippov.base.arrays import Array
 from filippov.base.status import mode_text
 from filippov.model.system import System
 from filippov.solving.solver import solve
@@ -32,7 +32,6 @@ from filippov.solving.solver import solve
 if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ScalarMap
 
-Array = npt.NDArray[np.float64]
 # A constant part below this part of the field's terms is rounding.
 ROUNDING = 1e-11
 # What the smallest number, as the coordinate, leaves of a rate is below this.

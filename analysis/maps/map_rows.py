@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.maps.first_return import MOST_STEPS, first_returns
 from filippov.analysis.maps.map_units import units_at
 from filippov.analysis.maps.section import Section
+from filippov.base.arrays import Array
 from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.ensemble import Prepared
-
-Array = npt.NDArray[np.float64]
 
 
 class MapRows:

@@ -11,9 +11,9 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.maps.first_return import first_return
+from filippov.base.arrays import Array
 from filippov.base.status import Status
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ScalarMap
     from filippov.analysis.maps.section import BoundSection
 
-Array = npt.NDArray[np.float64]
 Map = TypeVar("Map", bound="ScalarMap")
 EPS = float(np.finfo(float).eps)
 # Of the return that tells the units: a few digits are enough, and few steps. A state that starts at 0 has an

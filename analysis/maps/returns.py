@@ -17,6 +17,7 @@ from filippov.analysis.maps.first_return import MOST_STEPS
 from filippov.analysis.maps.missed import missed
 from filippov.analysis.maps.section import BoundSection, Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
@@ -27,7 +28,6 @@ from filippov.solving.solver import solve
 from filippov.solving.state.events import Event
 from filippov.solving.state.options import check_state
 
-Array = npt.NDArray[np.float64]
 # Times the solution is run again for twice the events, where some lead into other modes than are wanted.
 _LONGER = 8
 # A solution rests where each state moves by less than this part of its size, or so many rtol of it or atol.

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from typing import Any, Protocol, Self
 
-import numpy as np
-import numpy.typing as npt
-
 from filippov.analysis.maps.section import BoundSection, Section
+from filippov.base.arrays import Array
 from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.solution import Solution
-
-Array = npt.NDArray[np.float64]
 
 
 class ScalarMap(Protocol):

@@ -8,10 +8,10 @@ from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
 from filippov.analysis.maps.coordinate import Coordinate
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.keywords import constructor
 from filippov.base.names import unknown
@@ -20,7 +20,6 @@ from filippov.model.expression import parse_expression
 from filippov.model.system import System
 from filippov.solving.state.events import STOP_KINDS, Stop, turned
 
-Array = npt.NDArray[np.float64]
 # A Dummy: a parameter of the system may be called d as well.
 D = sympy.Dummy("d", real=True)
 

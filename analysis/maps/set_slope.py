@@ -11,17 +11,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.linear_return import linear_slope
 from filippov.analysis.maps.map_units import FINE, map_units
+from filippov.base.arrays import Array
 
 if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ScalarMap
 
-Array = npt.NDArray[np.float64]
 TIGHT = 1e-12
 LEVELS = 24
 # Below this many roundings of the states, in units of the coordinate, it is not resolved.

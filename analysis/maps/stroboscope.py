@@ -6,18 +6,16 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import sympy
 
 from filippov.analysis.steady.forcing import Period, is_forced
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.keywords import constructor
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 # The most parts of a strobe's time that are looked for in the period of an orbit.
 MOST_PARTS = 100
 

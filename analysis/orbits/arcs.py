@@ -14,19 +14,17 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.sensitivity.reset_slopes import reset_slopes
 from filippov.analysis.sensitivity.saltation import Together, passive
 from filippov.analysis.sensitivity.variation import mode_field
+from filippov.base.arrays import Array
 from filippov.base.errors import SolveError
 from filippov.base.status import EventKind, mode_text
 from filippov.model.system import System
 from filippov.solving.solution import Solution
 from filippov.solving.state.events import Event, Mode
 from filippov.solving.state.machine import Machine
-
-Array = npt.NDArray[np.float64]
 
 
 class WordError(SolveError):

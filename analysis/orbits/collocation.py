@@ -25,12 +25,12 @@ from filippov.analysis.orbits.arcs import Arc, Ending
 from filippov.analysis.orbits.gauss_step import Steps, gauss_steps
 from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.analysis.sensitivity.variation import mode_field
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.model.system import System
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Machine
 
-Array = npt.NDArray[np.float64]
 # What dt |u' - f(u)| is to be on each step; ends of steps, of order 8, are much more accurate.
 DEFECT = 1e-7
 _FEWEST, _MOST, _REFINEMENTS = 3, 300, 9

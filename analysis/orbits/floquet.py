@@ -17,9 +17,8 @@ import numpy.typing as npt
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.saltation import Factor, flow_factors
 from filippov.analysis.sensitivity.variation import mode_field
+from filippov.base.arrays import Array
 from filippov.solving.solution import Solution
-
-Array = npt.NDArray[np.float64]
 
 
 def return_factors(

@@ -13,13 +13,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.variation import ModeField, gauss
+from filippov.base.arrays import Array
 from filippov.base.errors import SolveError
 
-Array = npt.NDArray[np.float64]
 STAGES = 4
 _C, _B, _A = gauss(STAGES)
 _ITERATIONS = 15

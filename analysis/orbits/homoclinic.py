@@ -20,7 +20,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.arcs import Arc, arcs_of
@@ -35,6 +34,7 @@ from filippov.analysis.orbits.shooting import (
     resolved,
 )
 from filippov.analysis.steady.forcing import is_forced
+from filippov.base.arrays import Array
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
@@ -48,7 +48,6 @@ from filippov.solving.solver import solve
 from filippov.solving.state.events import Mode
 from filippov.solving.state.options import check_state
 
-Array = npt.NDArray[np.float64]
 # Distance from the saddle at which the orbit is cut, in units of its size; the factor from one distance to
 # the next, far from the saddle and near to it, where its linear part says enough; points of the way there.
 _CUT, _NEARER, _SMALL, _TAIL = 1e-4, (0.4, 0.1), 0.03, 16

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
 from filippov.analysis.sensitivity.saltation import Together
 from filippov.analysis.sensitivity.variation import mode_field
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.solving.segments import Segment
 from filippov.solving.solution import Solution
 
-Array = npt.NDArray[np.float64]
 _PER_STEP = 6
 _MET = ("switching", "reset")
 

@@ -7,14 +7,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.sensitivity.variation import mode_field, signs_at
+from filippov.base.arrays import Array
 from filippov.model.symbols import t as time
 from filippov.model.system import System
 from filippov.solving.state.machine import Machine
 
-Array = npt.NDArray[np.float64]
 _POINTS = 48
 _REACH = (0.3, 1.0, 2.0, 4.0)
 # A shift is looked at on so many points; what rounding may leave of a difference, in parts of the values.

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra.growth import ACCURACY, Growth, by_multipliers
 from filippov.analysis.orbits.floquet import product_multipliers, return_factors, without_trivial
 from filippov.analysis.orbits.margin import Margin, margin
 from filippov.analysis.orbits.oddness import is_odd
 from filippov.analysis.orbits.shooting import Shooting
+from filippov.base.arrays import Array, Complex
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
@@ -28,8 +28,6 @@ from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 from filippov.solving.state.events import Event, Mode
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 FORMAT, VERSION = "filippov orbit", 1
 # A symmetric orbit satisfies x(t + T/2) = -x(t) to this part of its size.
 _SYMMETRIC = 1e-7

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.arcs import Arc, Ending, WordError, arcs_of, joined
@@ -23,12 +22,12 @@ from filippov.analysis.orbits.oddness import repeats
 from filippov.analysis.orbits.shooting import NoConvergenceError, Shooting, velocity_at
 from filippov.analysis.orbits.shooting import newton as shoot
 from filippov.analysis.sensitivity.variation import mode_field
+from filippov.base.arrays import Array
 from filippov.base.status import mode_text
 from filippov.solving.solution import Solution
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Machine
 
-Array = npt.NDArray[np.float64]
 _GROWTH, _POINTS, _ODD = 10.0, 12, 1e-6
 # Beyond a surface or an end of a multiplier's set by more than this, in units of its size, is not admissible.
 _BEYOND = 1e-6

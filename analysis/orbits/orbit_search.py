@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.orbits.collocation_search import CollocationSearch, collocated_from
 from filippov.analysis.orbits.no_derivative import with_cure
@@ -27,6 +26,7 @@ from filippov.analysis.orbits.shooting import (
     velocity_at,
 )
 from filippov.analysis.steady.forcing import Period, is_forced
+from filippov.base.arrays import Array
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.given import Count, NonNegative, Positive
 from filippov.base.keywords import keywords
@@ -38,7 +38,6 @@ from filippov.solving.state.events import Mode
 from filippov.solving.state.option_types import Tolerance
 from filippov.solving.state.options import check_state
 
-Array = npt.NDArray[np.float64]
 _SPANS = 12
 # Periods of a forced solution after which its best returns are tried, and how many of them.
 _STAGES, _TRIES = (1, 8, 32, 128, 512), 5

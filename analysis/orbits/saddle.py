@@ -25,6 +25,7 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.shooting import NoConvergenceError, resolved, velocity_at
 from filippov.analysis.sensitivity.variation import mode_field, signs_at
 from filippov.analysis.steady.forcing import is_forced
+from filippov.base.arrays import Array
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.keywords import keywords
 from filippov.base.status import mode_text
@@ -32,7 +33,6 @@ from filippov.model.system import System
 from filippov.solving.state.events import Mode
 from filippov.solving.state.options import check_state
 
-Array = npt.NDArray[np.float64]
 Side = Literal["stable", "unstable"]
 NEWTON, EDGE = 60, 1e-6
 # Real parts below this share of the largest eigenvalue do not decide.

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.solving.solution import Solution
 
-Array = npt.NDArray[np.float64]
 # A return is a candidate if it comes back to within this part of the solution's extent.
 _NEAR_EXTENT = 0.3
 # An orbit that repels is left soon: only so many segments are looked at for a start.

@@ -17,13 +17,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.oddness import repeats
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import Period, is_forced
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.base.status import Status
 from filippov.model.system import System
@@ -31,7 +31,6 @@ from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 from filippov.solving.state.events import Mode
 
-Array = npt.NDArray[np.float64]
 MOST_STEPS = 2_000_000
 # Parts of a forced period that are tried, each repeatedly; how near to itself the orbit then is, in parts of
 # its extent; shares of the part at which it is looked at, none of them a likely instant of a clock.

@@ -8,15 +8,14 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from scipy.optimize import brentq
 
 from filippov.analysis.programs.translation import Translation
+from filippov.base.arrays import Array
 from filippov.model.symbols import t as time
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 POINTS, FEWEST = 200, 20
 SAME, NEAR = 1e-8, 1e-9
 # Lines on which each surface is looked for, and how far beside it the places lie, in parts of such a line.

@@ -12,15 +12,14 @@ from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.algebra.linalg import lstsq, pinv
 from filippov.analysis.programs.agreement import BESIDE, NEAR, OUTSIDE, Numbers, crossed, spread_of
 from filippov.analysis.programs.translation import Translation
+from filippov.base.arrays import Array
 from filippov.solving.solution import Solution
 
-Array = npt.NDArray[np.float64]
 # What a continuous field differs by falls at least so much where the distance falls by 100.
 FALLS = 0.1
 # Where two surfaces meet: starts for each pair, steps of Newton, and how far from there the places lie.

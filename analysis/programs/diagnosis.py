@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.programs.agreement import FEWEST, Numbers, disagreement
 from filippov.analysis.programs.corners import continuous, jumped
@@ -26,6 +25,7 @@ from filippov.analysis.programs.notes import Memory, ReadingError
 from filippov.analysis.programs.reader import Reading, read_program
 from filippov.analysis.programs.source import source_of
 from filippov.analysis.programs.translation import Translation, going_on, stiffly, translate
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.escape import printable
 from filippov.base.given import Count, NonNegative, Positive
@@ -40,7 +40,6 @@ from filippov.solving.solver import solve
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = npt.NDArray[np.float64]
 # Steps of the solution of the inclusion under one method.
 STEPS = 400_000
 

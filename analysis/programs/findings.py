@@ -8,19 +8,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
 from filippov.analysis.programs.agreement import Numbers
 from filippov.analysis.programs.naive_run import NaiveRun
 from filippov.analysis.programs.notes import Site
 from filippov.analysis.programs.translation import Translation
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.model.extract import NONSMOOTH
 from filippov.model.symbols import t as time
 from filippov.solving.solution import Solution
 
-Array = npt.NDArray[np.float64]
 # Changes of sign of h between steps, while the solution slides, from which a run chatters.
 CHATTER = 3
 # Of a run that does not end: its last calls, and from which share on they are said to change sides.

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import integrate
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
 
-Array = npt.NDArray[np.float64]
 METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 from sympy.printing.str import StrPrinter
@@ -17,6 +16,7 @@ from filippov.analysis.programs.choice import expression
 from filippov.analysis.programs.notes import Clock, Site
 from filippov.analysis.programs.outside import unique
 from filippov.analysis.programs.reader import Reading
+from filippov.base.arrays import Array
 from filippov.model.parameter_symbol import ParameterSymbol, parameters
 from filippov.model.surface import Surface
 from filippov.model.symbolic import Select
@@ -24,7 +24,6 @@ from filippov.model.symbols import t as time
 from filippov.model.system import System
 from filippov.model.time_event import TimeEvent
 
-Array = npt.NDArray[np.float64]
 FUNCTIONS = (
     "Abs", "Heaviside", "Max", "Min", "Piecewise", "cos", "exp", "log", "pi", "sign", "sin", "sqrt",
     "tan", "tanh",

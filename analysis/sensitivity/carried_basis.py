@@ -10,15 +10,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivatives, pieces
+from filippov.base.arrays import Array
 from filippov.solving.solution import Solution
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Machine
 
-Array = npt.NDArray[np.float64]
 # What is smaller beside the largest than `_SMALL` is known badly, and than `_LOST` not at all.
 _SMALL, _LOST = 1e-9, 1e-14
 # Into so many parts modes are cut, one after the other, until no direction is lost in them.

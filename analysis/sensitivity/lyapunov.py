@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.sensitivity.carried_basis import CarriedBasis
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
@@ -25,7 +25,6 @@ from filippov.plot.style import time_unit
 from filippov.solving.solver import solve
 from filippov.solving.state.options import Options, check_state
 
-Array = npt.NDArray[np.float64]
 BLOCKS = 8
 # Intervals that are solved at once: so many steps of the solver, and no more of them than this.
 _STEPS, _MOST = 1000, 64

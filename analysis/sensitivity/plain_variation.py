@@ -11,15 +11,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError
 from filippov.kernel.derivative.difference import local_slope
 from filippov.kernel.derivative.exact import Exact, along
 from filippov.kernel.derivative.overloaded import overloaded
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 # Offsets and weights of the central difference of fourth order, and its length along a sign.
 _OFFSETS = (-2.0, -1.0, 1.0, 2.0)
 _WEIGHTS = (1.0 / 12.0, -2.0 / 3.0, 2.0 / 3.0, -1.0 / 12.0)

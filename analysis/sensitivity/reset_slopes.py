@@ -7,17 +7,15 @@ from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy import Expr
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.symbols import t as time
 from filippov.model.system import System
 from filippov.solving.state.events import Event, Mode
-
-Array = npt.NDArray[np.float64]
 
 
 def reset_slopes(

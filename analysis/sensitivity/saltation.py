@@ -26,11 +26,11 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.reset_slopes import instant_slopes, reset_slopes
 from filippov.analysis.sensitivity.variation import ModeField, mode_field, signs_at, transitions
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, mode_text
@@ -42,7 +42,6 @@ from filippov.solving.state.interpolant import Interpolant
 from filippov.solving.state.machine import Machine
 from filippov.solving.state.point import Point
 
-Array = npt.NDArray[np.float64]
 # Of what a reset moves h: what is left of it is rounding.
 ON_SURFACE = 1e-6
 

@@ -19,12 +19,11 @@ import sympy
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.plain_variation import PlainParts
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
 from filippov.model.symbols import t as time
 from filippov.model.system import System
-
-Array = npt.NDArray[np.float64]
 
 
 class Parts(Protocol):

@@ -8,17 +8,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy import Expr
 
 from filippov.analysis.algebra.exact_form import exact_form
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.base.arrays import Array
 from filippov.model.symbolic import Select
 from filippov.model.symbols import t as time
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 KEPT = 1e-9
 MOST_TURNS = 64
 

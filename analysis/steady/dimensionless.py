@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.base.arrays import Array
 
 # States of the default ranges are of this size in their units.
 RANGE = 10.0
@@ -25,7 +25,6 @@ APART = 30.0
 # Changes of a function below this part of it are rounding.
 ROUNDING = 1e-13
 
-Array = npt.NDArray[np.float64]
 # The terms of one equation: the size of each coefficient, and the powers of the states in it.
 Terms = tuple[tuple[float, tuple[int, ...]], ...]
 

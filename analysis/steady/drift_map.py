@@ -19,12 +19,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.steady.rest_map import RestMap
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 # Roots below this part of the largest are 0: a double one is known to half the digits only.
 NULL = 1e-6
 # Steps in which a root is looked for, as parts of the shortest time of the matrix; how many of them at most.

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy import Symbol
 
@@ -27,6 +26,7 @@ from filippov.analysis.steady.dimensionless import (
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Missing, PointKind
 from filippov.analysis.steady.existence import ModeProblem, multiplier_symbol
 from filippov.analysis.steady.newton import RESIDUAL, differences, null_space, zero
+from filippov.base.arrays import Array
 from filippov.model.system import System
 
 STARTS = 48
@@ -39,8 +39,6 @@ EDGE = 1e-8
 TINY, ROUNDS = 1e-290, 3
 # What is left of an equation near a zero at which all its terms vanish.
 ALONE = 1e-12
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

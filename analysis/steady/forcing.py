@@ -7,10 +7,10 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
 from filippov.analysis.algebra.polynomial import exact
+from filippov.base.arrays import Array
 from filippov.base.changed import changed
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import positive
@@ -19,8 +19,6 @@ from filippov.model.expression import parse_expression
 from filippov.model.signals.input import Sampled
 from filippov.model.symbols import t as time
 from filippov.model.system import System
-
-Array = npt.NDArray[np.float64]
 
 
 @lru_cache(maxsize=128)

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from scipy.optimize import linprog, minimize
 from scipy.stats import qmc
 from sympy import Expr, Symbol
 
-Array = npt.NDArray[np.float64]
+from filippov.base.arrays import Array
+
 # A domain is no wider than LEAST where it has no inner points. Places are looked for at these scales.
 LEAST, SCALES = 1e-9, (1.0, 10.0, 100.0, 0.1, 0.01)
 PLACES, BEST = 1024, 4

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
-
-Array = npt.NDArray[np.float64]
+from filippov.base.arrays import Array
 
 # What is left of the equations at a zero, and near one.
 RESIDUAL, ROUGH = 1e-9, 1e-6

@@ -17,15 +17,14 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 
+from filippov.base.arrays import Array
 from filippov.model.symbolic import SymbolicForm, convex, rate_along
 from filippov.model.symbols import t
 from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 HIGHEST_ORDER = 6
 # Singular values that are zero, on the scale of the largest.
 NO_RANK = 1e-9

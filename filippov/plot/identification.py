@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.label import unit_of
@@ -18,7 +18,6 @@ from filippov.plot.style import BLUE, GREY, INK, PALE, RED, new_figure, style
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = npt.NDArray[np.float64]
 DRAWS, SEED = 200, 20
 
 Force = Callable[[Array, dict[str, float]], Array]

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import Count
 from filippov.base.keywords import keywords
@@ -34,7 +35,6 @@ from filippov.plot.style import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = npt.NDArray[np.float64]
 # Part of the largest fixed point below which a cycle is magnified.
 SMALL = 0.025
 # A step of a map is bisected so often, as long as there are no more of them.

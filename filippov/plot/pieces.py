@@ -6,15 +6,13 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.model.signals.samples import Samples
 from filippov.solving.reading import values
 from filippov.solving.segments import Segment
 from filippov.solving.solution import Solution
-
-Array = npt.NDArray[np.float64]
 
 
 def pieces_of(solution: Solution, points: int) -> Iterator[tuple[Segment, Array, Array]]:

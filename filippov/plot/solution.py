@@ -11,8 +11,8 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.escape import figure_text
 from filippov.base.given import Count
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_graph", "plot_phase", "plot_solution"]
 
-Array = npt.NDArray[np.float64]
 # Panels that are drawn where none is asked for.
 MOST_PANELS = 12
 

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import check_count, number_array, whole
 from filippov.base.status import Status
 from filippov.solving.loop import BranchStart, Followed, follow
 from filippov.solving.selection.ambiguity import ambiguity_at
 from filippov.solving.selection.modes import Successor
-from filippov.solving.solution import Array
 from filippov.solving.solution_tree import SolutionTree, TreeBranch
 from filippov.solving.state.options import Options
 from filippov.solving.state.problem import Problem

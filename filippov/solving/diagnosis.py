@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.base.status import Status, mode_text
 from filippov.solving.selection.modes import Successor
-from filippov.solving.state.machine import Array
 from filippov.solving.state.run import Run
 
 # Closer than this to an end of its set a multiplier is worth a note.

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, cast
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.failure import failure
 from filippov.base.given import Count, Positive
@@ -27,7 +28,7 @@ from filippov.solving.resets.zeno import sentence
 from filippov.solving.scale import default_atols, of_little_ends, small
 from filippov.solving.state.batch import FEW, UNFINISHED, Batch, lane_unit, system_threads, waits
 from filippov.solving.state.events import Stop, columns_of, turned
-from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.machine import Machine
 from filippov.solving.state.option_types import (
     ANSWERS,
     ENDS_ONLY,

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import number_array, shown
 from filippov.base.labelled import by_label, in_order
 from filippov.base.names import unknown
 from filippov.base.quantity import is_quantity, plain
 from filippov.model.system import System
-from filippov.solving.state.machine import Array
 from filippov.solving.state.options import check_state, without_units
 
 

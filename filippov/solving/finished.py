@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.status import Status
 from filippov.solving.resets.zeno import Accumulation
 from filippov.solving.scale import of_little_scale
@@ -18,8 +18,6 @@ from filippov.solving.state.options import exchanged
 from filippov.solving.state.problem import Problem
 from filippov.solving.state.run import Run
 from filippov.solving.state.watched import Watch
-
-Array = npt.NDArray[np.float64]
 
 
 def finished(

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.kernel.tables import codes
-from filippov.solving.state.machine import Array
 from filippov.solving.state.run import Run
 
 # Spacings of t that count as one instant; the field calls that it may take.

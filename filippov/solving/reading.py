@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import number_array
 from filippov.base.names import unknown
@@ -25,7 +26,6 @@ from filippov.solving.state.point import Point
 if TYPE_CHECKING:
     from sympy import Expr
 
-Array = npt.NDArray[np.float64]
 # What a multiplier may be beyond its set by the error of the dense output.
 OUTSIDE = 1e-6
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.model.system import System
 from filippov.solving.state.options import LARGEST_ATOL, Options
 from filippov.solving.state.ready import put_back, ready
@@ -16,7 +17,6 @@ from filippov.solving.state.ready import put_back, ready
 if TYPE_CHECKING:
     from filippov.solving.solution import Solution
 
-Array = npt.NDArray[np.float64]
 # Of rtol times the scale; rtol is taken as this at least, below which rounding decides.
 SHARE, FINEST = 1e-3, 1e-10
 # Parts of the span at whose ends the field is looked at.

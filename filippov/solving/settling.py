@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.base.status import Status
 from filippov.kernel.tables import codes
 from filippov.solving.patience import Patience
@@ -39,7 +40,6 @@ from filippov.solving.selection.modes import successors
 from filippov.solving.selection.observed import observe, watched
 from filippov.solving.state.change import Jump
 from filippov.solving.state.events import Mode
-from filippov.solving.state.machine import Array
 from filippov.solving.state.options import Options
 from filippov.solving.state.rates import off_contact
 from filippov.solving.state.run import Run

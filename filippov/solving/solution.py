@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.delegates import delegate
 from filippov.base.errors import UsageError
 from filippov.base.given import Count, Positive
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from filippov.model.system import System
-
-Array = npt.NDArray[np.float64]
 
 
 _PICTURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")

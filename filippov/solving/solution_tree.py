@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.base.delegates import delegate
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
@@ -22,7 +23,7 @@ from filippov.base.status import Status, mode_text
 from filippov.solving.segments import Segment
 from filippov.solving.selection.ambiguity import Ambiguity
 from filippov.solving.selection.modes import Successor
-from filippov.solving.solution import Array, Solution
+from filippov.solving.solution import Solution
 from filippov.solving.state.events import Event, Events
 from filippov.solving.state.problem import Problem
 

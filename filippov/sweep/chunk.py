@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Whole
 from filippov.base.errors import SolveError, UsageError
 from filippov.io.archive import Archive, write_arrays
 from filippov.sweep.manifest import Manifest, key_of, of_text
-from filippov.sweep.points import Whole
 from filippov.sweep.rows import Rows
 
 FORMAT, VERSION = "filippov chunk", 2

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov.base.arrays import Whole
 from filippov.base.csv_text import csv_text
 from filippov.base.errors import UsageError
 from filippov.base.escape import printable
@@ -15,7 +16,7 @@ from filippov.base.keywords import keywords
 from filippov.base.whole_file import write_whole
 from filippov.sweep.chunk import no_room
 from filippov.sweep.manifest import Manifest
-from filippov.sweep.points import Whole, digest_of, shape_of
+from filippov.sweep.points import digest_of, shape_of
 from filippov.sweep.rows import Limits, Rows
 from filippov.sweep.store import CHUNKS, POINTS, away, fill, held_by, read_points
 from filippov.sweep.table import SweepTable

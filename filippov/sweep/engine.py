@@ -8,10 +8,10 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import nullcontext, suppress
 from typing import Any, Protocol
 
+from filippov.base.arrays import Whole
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.names import unknown
 from filippov.solving.state.batch import cores
-from filippov.sweep.points import Whole
 from filippov.sweep.processes import CONTEXTS, Processes
 from filippov.sweep.rows import Work
 from filippov.sweep.worker import ChunkOutcome, compute

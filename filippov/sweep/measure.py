@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import several
 from filippov.base.names import unknown
@@ -39,7 +40,6 @@ from filippov.solving.ensemble import Ensemble
 from filippov.solving.state.events import Events, columns_of
 from filippov.sweep.dependence import Dependence, dependence
 from filippov.sweep.period import period_of
-from filippov.sweep.points import Array
 
 if TYPE_CHECKING:
     from filippov.solving.solution import Solution

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov.base.arrays import Whole
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.failure import failure
 from filippov.base.given import Count, Natural, Positive, positive
@@ -36,7 +37,7 @@ from filippov.solving.state.problem import Problem
 from filippov.sweep.dependence import Dependence, dependence, plain_system
 from filippov.sweep.measure import Function, Measure, OfOutput, read_measures
 from filippov.sweep.point import START, Plan, compute_many, compute_one
-from filippov.sweep.points import Points, Whole, extremes, shape_of
+from filippov.sweep.points import Points, extremes, shape_of
 from filippov.sweep.reduction import check_reduce, reduce_table
 from filippov.sweep.rows import Limits, Rows
 from filippov.sweep.samples import sample

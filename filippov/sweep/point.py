@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov.base.arrays import Array, Whole
 from filippov.base.failure import failure
 from filippov.base.status import Status
 from filippov.model.system import System
@@ -17,7 +18,7 @@ from filippov.solving.ensemble import Ensemble, solve_many
 from filippov.solving.state.events import Stop
 from filippov.solving.state.problem import Problem
 from filippov.sweep.measure import Function, Measure
-from filippov.sweep.points import Array, Points, Whole
+from filippov.sweep.points import Points
 from filippov.sweep.rows import ERROR, Limits, Rows, chosen, failed_row, joined
 
 START = "x0."

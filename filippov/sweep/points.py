@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array, Whole
 from filippov.io.archive import Archive
 
-Array = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
 BLOCK = 1 << 18
 
 

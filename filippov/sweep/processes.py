@@ -18,9 +18,9 @@ from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any
 
+from filippov.base.arrays import Whole
 from filippov.base.errors import SolveError, UsageError
 from filippov.sweep import worker
-from filippov.sweep.points import Whole
 from filippov.sweep.rows import Work
 from filippov.sweep.worker import ChunkOutcome
 

@@ -9,7 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from filippov.sweep.points import Array, Points, Whole
+from filippov.base.arrays import Array, Whole
+from filippov.sweep.points import Points
 
 # What a row can hold beside the names of `Status`: a function of the user raised; the point ends its worker.
 ERROR, QUARANTINED = "error", "quarantined"

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov.base.arrays import Whole
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.failure import failure
 from filippov.base.given import Count, Positive, check_count, positive
@@ -21,7 +22,6 @@ from filippov.base.keywords import keywords
 from filippov.sweep.chunk import FullError
 from filippov.sweep.engine import Engine, engine_of
 from filippov.sweep.lock import Lock
-from filippov.sweep.points import Whole
 from filippov.sweep.processes import check_main
 from filippov.sweep.rows import QUARANTINED, Work, failed_row
 from filippov.sweep.store import Store, missing, try_folder

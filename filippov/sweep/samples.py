@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import check_count
 from filippov.base.names import unknown
-from filippov.sweep.points import Array, Grid, Points
+from filippov.sweep.points import Grid, Points
 
 SAMPLES = ("grid", "list", "latin_hypercube", "sobol")
 MOST = 50_000_000

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov.base.arrays import Whole
 from filippov.base.errors import UsageError
 from filippov.base.json_text import json_text
 from filippov.base.read_whole import read_json
@@ -31,7 +32,7 @@ from filippov.io.archive import Archive, write_arrays
 from filippov.sweep.chunk import chunk_name, chunks_of, leftovers_of, no_room, read_chunk, write_chunk
 from filippov.sweep.manifest import NAME as MANIFEST
 from filippov.sweep.manifest import Manifest, read_manifest
-from filippov.sweep.points import Points, Whole, digest_of, restored, stored
+from filippov.sweep.points import Points, digest_of, restored, stored
 from filippov.sweep.rows import Rows, Work
 from filippov.sweep.table import SweepTable
 

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array, Whole
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.names import Answering, unknown
 from filippov.base.shown import Shown
-from filippov.sweep.points import BLOCK, Array, Points, Whole
+from filippov.sweep.points import BLOCK, Points
 from filippov.sweep.rows import DONE, Rows, Work
 
 UNKNOWN = ""

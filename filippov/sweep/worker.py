@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 from multiprocessing.connection import wait
 from pathlib import Path
 
+from filippov.base.arrays import Whole
 from filippov.base.errors import UsageError
 from filippov.base.failure import failure
 from filippov.base.status import Status
 from filippov.sweep.chunk import FullError, write_chunk
-from filippov.sweep.points import Whole
 from filippov.sweep.rows import ERROR, Limits, Rows, Work, failed_row, joined
 
 LATE = 75  # exit code of a worker whose point did not return

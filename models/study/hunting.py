@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.model.system import System
 from filippov.models.driven import driven_mass
 from filippov.models.karnopp import hunting_karnopp
@@ -34,7 +34,6 @@ from filippov.models.studies import (
 )
 from filippov.models.switch import hunting_switch
 
-Array = npt.NDArray[np.float64]
 FASTEST = 0.5
 SLIP = ("m", "P", "D", "I", "b")
 

@@ -24,8 +24,8 @@ from sympy import Expr, Symbol
 from filippov.analysis.algebra import linalg
 from filippov.analysis.local_stability.certificates.certificate import Certificate
 from filippov.analysis.local_stability.certificates.local import Local
+from filippov.base.arrays import Complex
 
-Complex = npt.NDArray[np.complex128]
 CARR = "Carr 1981"
 HOPF = "Kuznetsov 2004"
 HIGHEST, LARGEST, CLEAR = 7, 6, 1e-9

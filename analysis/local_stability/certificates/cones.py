@@ -16,14 +16,13 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.local_stability.certificates.certificate import Certificate
 from filippov.analysis.local_stability.certificates.local import Local
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 MAJORANT = "Horn & Johnson 1991; Coppel 1965"
 COMMON = "Shorten & Narendra 2003, IEEE Trans. Automat. Contr. 48, 618"
 RAYS = "Carmona, Freire, Ponce, Torres 2005, Internat. J. Bifur. Chaos 15, 2469"

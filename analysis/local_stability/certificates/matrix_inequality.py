@@ -13,13 +13,13 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
+
+from filippov.base.arrays import Array
 
 INSTALL = "pip install 'filippov[certificates]'"
 DIGITS = (3, 5, 8, 11)
 CLEAR = 1e-7
-Array = npt.NDArray[np.float64]
 
 
 def available() -> bool:

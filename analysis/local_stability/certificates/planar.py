@@ -17,15 +17,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy import Rational
 
 from filippov.analysis.local_stability.certificates.certificate import Certificate
 from filippov.analysis.local_stability.certificates.homogeneous import EPSILON, Leading, leading, lowest
 from filippov.analysis.local_stability.certificates.local import Local, Signs
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 WEIGHTS = ((1, 1), (2, 1), (1, 2), (3, 2), (2, 3), (3, 1), (1, 3))
 SAMPLES, CLEAR, TURN, MOST_WALKS = 720, 1e-7, 1e-7, 64
 FILIPPOV = "Filippov 1988"

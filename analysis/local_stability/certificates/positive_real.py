@@ -24,9 +24,9 @@ from sympy import Poly, Rational
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.polynomial import Verdict, count_roots
+from filippov.base.arrays import Array
 from filippov.base.shown import Shown
 
-Array = npt.NDArray[np.float64]
 S = sympy.Symbol("s")
 _W = sympy.Symbol("w", real=True)
 POINTS, DECADES, RATES, LEAST = 241, 3, 13, 1e-7

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
 from filippov.analysis.local_stability.certificates.certificate import Certificate
@@ -35,11 +34,11 @@ from filippov.analysis.local_stability.certificates.matrix_inequality import (
     positive_definite,
     rounded,
 )
+from filippov.base.arrays import Array
 
 COMMON = "Boyd, El Ghaoui, Feron, Balakrishnan 1994"
 PIECES = "Johansson & Rantzer 1998, IEEE Trans. Automat. Contr. 43, 555"
 LARGEST, MOST = 8, 3
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from scipy.optimize import brentq
 from sympy import Expr
@@ -25,6 +24,7 @@ from filippov.app.bank.build import Built
 from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError, OutOfTimeError
 from filippov.app.bank.recurrence import Cycle, recurrence
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.base.names import check_known
 from filippov.base.status import Status
@@ -37,7 +37,6 @@ from filippov.solving.state.events import Event, Mode
 from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import Options, falls
 
-Array = npt.NDArray[np.float64]
 T = TypeVar("T")
 SAMPLES = 64  # of each segment of one mode, for the search of zeros and extremes
 LONGEST = 16.0  # so many times its span a solution is followed until it recurs

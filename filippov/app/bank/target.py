@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy import Expr
 
@@ -21,10 +20,9 @@ from filippov.app.bank.quantities.quantity import Quantity, When
 from filippov.app.bank.quantities.states import End, State
 from filippov.app.bank.subjects import Subjects
 from filippov.app.bank.system_form import SystemForm
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError
 from filippov.model.symbols import t as time_symbol
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ def _run_all(
             console.warn(f"{what} at {point.special} ({point.value:.6g}): {error}")
             continue
         _tell(found[-1], console)
-        if "interrupted" in found[-1].message:
+        if found[-1].interrupted:
             break
     return found
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.app.explorer.look import HEIGHT, Figure, empty, figure, label, line, plain, points
 from filippov.app.explorer.solutions import MapData
 from filippov.app.explorer.view import View
+from filippov.base.arrays import Array
 from filippov.plot.maps import with_gaps
 from filippov.plot.style import BLUE, GREY, INK, ORANGE, RED, where_read
 
-Array = npt.NDArray[np.float64]
 LETTERS = "RMQW"  # of the map, the first that the model does not use
 
 

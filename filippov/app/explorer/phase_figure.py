@@ -7,7 +7,6 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
 from filippov.app.explorer.look import (
@@ -25,13 +24,13 @@ from filippov.app.explorer.look import (
     points,
 )
 from filippov.app.explorer.view import View
+from filippov.base.arrays import Array
 from filippov.model.symbols import t as time_symbol
 from filippov.model.system import System
 from filippov.plot.pieces import pieces_of
 from filippov.plot.style import BLUE, GREY, INK, ORANGE
 from filippov.solving.solution import Solution
 
-Array = npt.NDArray[np.float64]
 POINTS = 1000
 GRID = 41
 

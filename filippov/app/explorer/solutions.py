@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.app.explorer.subject import Subject
 from filippov.app.explorer.view import EXACT, View
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.model.comparator import NAMES
 from filippov.model.parameter import Parameter
@@ -22,7 +22,6 @@ from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 
 T = TypeVar("T")
-Array = npt.NDArray[np.float64]
 # The budget of a redraw; a solution that needs more ends early, with a message.
 MOST_STEPS, MOST_EVENTS = 40_000, 2_000
 KEPT = 8

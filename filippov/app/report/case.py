@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
@@ -23,6 +22,7 @@ from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.app.report.context import Context
 from filippov.app.report.effort import Effort
 from filippov.app.report.part import first
+from filippov.base.arrays import Array
 from filippov.base.errors import SolveError, UsageError
 from filippov.graphs.graph import observed_graph
 from filippov.graphs.word import mode_word
@@ -30,7 +30,6 @@ from filippov.models.studies import Study, StudyCase
 from filippov.solving.solver import solve
 from filippov.solving.state.machine import Machine
 
-Array = npt.NDArray[np.float64]
 # The ends of the stages, as fractions of a case.
 ENDS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.6, 0.7, 1.0)
 # Tolerances at which branches are followed, and compared.

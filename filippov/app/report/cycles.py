@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
@@ -17,6 +16,7 @@ from filippov.analysis.steady.rest_map import growth, rest_map, threshold
 from filippov.app.report.case import CaseCycles, CaseResults
 from filippov.app.report.part import NONE, Chapter, Picture, TextTable, answer, first, number
 from filippov.app.report.run import StudyRun
+from filippov.base.arrays import Array
 from filippov.plot.branch import plot_branches
 from filippov.plot.place import label_beside
 from filippov.plot.regions import plot_regions
@@ -25,7 +25,6 @@ from filippov.plot.style import GREY, INK, SERIES, new_figure, style
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = npt.NDArray[np.float64]
 # Points of the border at which the set changes stability, and of the scan for each.
 BORDER, SCAN = 25, 40
 # An end of a fold curve this near to a bound, relative to the range, is at it; cycles smaller than this,

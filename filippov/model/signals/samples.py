@@ -9,14 +9,13 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import number_array
 from filippov.base.quantity import is_quantity
 from filippov.model.parameter import as_number
 
-Array = npt.NDArray[np.float64]
 KINDS = ("linear", "hold", "cubic")
 OUTSIDE = ("refuse", "hold")
 # What scipy, pandas and Simulink call these kinds.

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.solving.selection.complementarity import complementarity
-from filippov.solving.state.machine import Array
 from filippov.solving.state.rates import Rates, velocity
 from filippov.solving.state.run import Run
 

@@ -21,12 +21,12 @@ from functools import partial
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.base.status import Status
 from filippov.kernel.loop.limit import KEPT
 from filippov.solving.resets.impact_law import generalised_newton, hold, too_close, unresolved
 from filippov.solving.selection.ambiguity import guard_rows_of, point_of
 from filippov.solving.state.leading import Terms, leading_term
-from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
 from filippov.solving.state.rates import Rates, off_contact, rates_at, velocity
 from filippov.solving.state.run import Run

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.solving.state.events import Mode
-from filippov.solving.state.machine import Array
 from filippov.solving.state.rates import off_contact
 from filippov.solving.state.run import Run, guard_terms
 

@@ -16,11 +16,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.solving.resets.jumps import runs_onto
 from filippov.solving.resets.rest import NEAR_REST, SAMPLES, holds_still, rest
 from filippov.solving.resets.zeno import WITHIN, Accumulation, bridge
-from filippov.solving.state.machine import Array
 from filippov.solving.state.rates import off_contact, rates_at
 from filippov.solving.state.run import Run
 

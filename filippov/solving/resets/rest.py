@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.solving.resets.zeno import LARGEST_CORNER, onto
 from filippov.solving.selection.ambiguity import point_of
 from filippov.solving.selection.modes import leading_off
-from filippov.solving.state.machine import Array
 from filippov.solving.state.run import Run, near_within
 
 NEAR_REST = 1e-7

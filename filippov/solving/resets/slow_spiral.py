@@ -13,9 +13,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.solving.resets.zeno import onto
-from filippov.solving.state.machine import Array
 from filippov.solving.state.run import Run
 
 # Events that a law is read off, and how well its two halves are to agree.

@@ -10,6 +10,7 @@ from typing import NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.kernel.loop.event_cycle import CHOSEN, CYCLES, LONGEST_CYCLE, NEAR_END, STEADY
 from filippov.kernel.loop.limit import GLOBAL
@@ -18,7 +19,6 @@ from filippov.kernel.loop.state import Past as PastRecord
 from filippov.kernel.tables import codes
 from filippov.solving.resets.impact_law import hold
 from filippov.solving.state.event_log import Past, looked_at
-from filippov.solving.state.machine import Array
 from filippov.solving.state.rates import off_contact, velocity
 from filippov.solving.state.run import Run, guard_terms
 

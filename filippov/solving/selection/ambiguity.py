@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.status import mode_text
 from filippov.kernel.loop.corner import TURNS_OUT
 from filippov.solving.selection.modes import Successor, successors
 from filippov.solving.state.events import Mode
 from filippov.solving.state.leading import Terms, leading_term
-from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import Options
 from filippov.solving.state.point import Point
 from filippov.solving.state.problem import Problem

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.kernel.loop.corner import MINOR, ONE_SOLUTION
 from filippov.kernel.tables import codes
 from filippov.solving.selection.ambiguity import point_of, spirals_out
 from filippov.solving.selection.corner import coupling
 from filippov.solving.selection.modes import successors
 from filippov.solving.state.events import Mode
-from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
 from filippov.solving.state.run import Run
 

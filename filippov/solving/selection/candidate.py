@@ -15,10 +15,10 @@ from functools import partial
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.kernel.loop.land import NO_RATE
 from filippov.solving.state.events import Mode
 from filippov.solving.state.leading import Terms, leading_term
-from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
 
 CLEAR = 1e-6

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 
-Array = npt.NDArray[np.float64]
 ENUMERATED = 6
 ROUNDING = 1e-10
 RANK = 1e-11

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError
 from filippov.solving.selection.candidate import (
     OPEN,
@@ -26,7 +27,6 @@ from filippov.solving.selection.candidate import (
 )
 from filippov.solving.selection.complementarity import complementarity
 from filippov.solving.state.events import Mode
-from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
 
 ENUMERATED = 6

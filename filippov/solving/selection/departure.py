@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.solving.selection.modes import Successor
 from filippov.solving.selection.two_fold import on_surface
 from filippov.solving.state.events import Mode
-from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
 from filippov.solving.state.run import Run, guard_terms
 

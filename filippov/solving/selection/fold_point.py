@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.kernel.tables import codes
 from filippov.solving.selection.ambiguity import name_point, point_of
 from filippov.solving.selection.corner import can_slide
@@ -34,7 +35,6 @@ from filippov.solving.selection.two_fold import (
     two_fold,
 )
 from filippov.solving.state.events import Mode
-from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
 from filippov.solving.state.run import Run
 

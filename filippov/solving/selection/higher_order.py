@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.kernel.tables import codes
 from filippov.solving.selection.ambiguity import point_of
 from filippov.solving.selection.modes import Successor, leading_off
 from filippov.solving.state.events import Mode
-from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import Options
 from filippov.solving.state.run import Run, guard_terms, near_within
 

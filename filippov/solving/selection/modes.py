@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.base.status import mode_text
 from filippov.solving.selection.candidate import (
     ROUNDING,
@@ -32,7 +33,6 @@ from filippov.solving.selection.candidate import (
 )
 from filippov.solving.selection.corner import can_slide, choices, corners, coupling, with_signs
 from filippov.solving.state.events import Mode
-from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
 
 # Combinations of the corners' choices that are all examined; beyond, corner by corner.

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from filippov.base.arrays import Array
 from filippov.kernel.tables import codes
 from filippov.kernel.tables.root_tables import DEGREE
 from filippov.solving.selection.ambiguity import point_of
 from filippov.solving.state.leading import SHALLOW, SHORTER, TRIALS
-from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
 from filippov.solving.state.run import Run
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.solving.selection.two_fold import side_rates
 from filippov.solving.state.events import Mode
-from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
 from filippov.solving.state.run import Run
 

@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.solving.state.events import Mode
-from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
 
 VISIBLE, INVISIBLE, MIXED = "visible two-fold", "invisible two-fold", "visible-invisible two-fold"

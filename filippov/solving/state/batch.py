@@ -11,6 +11,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array, Whole
 from filippov.kernel.codegen.build import Compiled, build
 from filippov.kernel.language.records import Rows
 from filippov.kernel.loop.state import (
@@ -32,10 +33,9 @@ from filippov.solving.state.clocks import start_clock, tick_rows
 from filippov.solving.state.event_log import looked_at
 from filippov.solving.state.events import Stop
 from filippov.solving.state.gradients import check_gradients
-from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import Options
 
-Whole = npt.NDArray[np.int64]
 _EVENT_ROOM = 64
 # Steps of one call into compiled code, in which nobody looks up: some tens of milliseconds.
 _CHUNK = 50_000

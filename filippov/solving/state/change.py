@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.solving.state.events import Mode
-from filippov.solving.state.machine import Array
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.kernel.language.records import Rows
 from filippov.kernel.loop.state import Clock, Tick
 from filippov.kernel.loop.ticks import following, located_time, preceding, same_time
 from filippov.model.system import System
 from filippov.model.time_event import TimeEvent
-from filippov.solving.state.machine import Array
 from filippov.solving.state.options import Options
 
 

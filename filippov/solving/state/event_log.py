@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.status import JUMPED_OVER, EventKind
 from filippov.kernel.loop.event_cycle import CYCLES, LONGEST_CYCLE
 from filippov.kernel.tables import codes
 from filippov.solving.state.events import Event, Events, Mode
 
-Array = npt.NDArray[np.float64]
 # Roots closer than this part of the time, among the last events, are separated by rounding only.
 CROWDED, LOOK_BACK = 1e-9, 8
 MANY_ROOTS = "not resolved: a multiple root, or several next to each other"

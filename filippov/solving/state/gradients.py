@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError
 from filippov.solving.state.machine import Machine
 
-Array = npt.NDArray[np.float64]
 # Of |x|, and at least of LEAST of the largest state: h is to be straight over it, and more than rounding.
 # Both have to contradict, as the length over which h bends is not known.
 REACHES, LEAST = (1e-6, 1e-9), 1e-3

@@ -7,10 +7,9 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.given import number_array
-
-Array = npt.NDArray[np.float64]
 
 
 class Interpolant:

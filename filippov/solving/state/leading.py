@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.kernel.tables.root_tables import NODES, POSITION
 from filippov.kernel.tables.tableaus import DOP853
-from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
 
 VANISHING = 1e-9

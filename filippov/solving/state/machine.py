@@ -8,8 +8,8 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array as Array  # noqa: PLC0414 (the loop takes it from here)
 from filippov.base.errors import ModelError
 from filippov.kernel.codegen.build import Compiled, build, generation
 from filippov.kernel.codegen.callback import Callbacks, EventCallbacks, callback_unit, new_context
@@ -26,7 +26,6 @@ from filippov.model.system import System
 from filippov.model.time_event import TimeEvent
 from filippov.solving.state.pieces import Pieces
 
-Array = npt.NDArray[np.float64]
 _FLOAT = np.dtype(np.float64)
 _SIDES: dict[str, tuple[int, ...]] = {"+": (1,), "-": (-1,), "both": (1, -1)}
 

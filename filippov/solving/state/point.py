@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.kernel.loop.start import LATER, NUDGE, PER_STATE
 from filippov.solving.state.events import Mode
-from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.machine import Machine
 
 DIFFERENCES = 32.0
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from filippov.base.arrays import Array
 from filippov.kernel.loop.land import NO_RATE
-from filippov.solving.state.machine import Array
 from filippov.solving.state.run import Run
 
 EPS = float(np.finfo(float).eps)

@@ -6,10 +6,11 @@ A run that is under way is in nobody else's hands: it is taken off the list, als
 
 from __future__ import annotations
 
+from filippov.base.arrays import Array
 from filippov.kernel.codegen.interpreted import current
 from filippov.model.surface import Surface
 from filippov.model.system import System
-from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import Options
 from filippov.solving.state.run import Run
 

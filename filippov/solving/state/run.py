@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError
 from filippov.base.status import EventKind
 from filippov.kernel.language.records import Rows
@@ -18,7 +19,7 @@ from filippov.solving.state.clocks import Clocks, start_clock
 from filippov.solving.state.event_log import EventLog
 from filippov.solving.state.events import Mode, Stop
 from filippov.solving.state.gradients import check_gradients, scatter
-from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import Options
 
 _EVENT_ROOM, _RECORD_ROOM = 256, 512

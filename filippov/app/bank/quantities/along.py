@@ -8,7 +8,6 @@ from dataclasses import field
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from scipy.optimize import minimize_scalar
 from sympy import Symbol
@@ -16,10 +15,10 @@ from sympy import Symbol
 from filippov.app.bank.case_runs import CaseRuns, slides
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.quantities.quantity import Over, Quantity, expression, segments_over
+from filippov.base.arrays import Array
 from filippov.model.symbols import t as time_symbol
 from filippov.solving.solution import Solution
 
-Array = npt.NDArray[np.float64]
 SAMPLES = 101
 _NODES, _GAUSS = np.polynomial.legendre.leggauss(24)
 

@@ -6,17 +6,15 @@ import itertools
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import linprog
 
 from filippov.app.bank.case_runs import CaseRuns, slides
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.quantities.quantity import Quantity, When, moment, one_of
 from filippov.app.bank.quantities.states import Rule
+from filippov.base.arrays import Array
 from filippov.solving.solution import Solution
 from filippov.solving.state.machine import Machine
-
-Array = npt.NDArray[np.float64]
 
 
 def under(runs: CaseRuns, rule: Rule | None, when: When) -> tuple[Solution, float]:

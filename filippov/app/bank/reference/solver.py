@@ -18,7 +18,8 @@ from sympy import Expr, Symbol
 
 from filippov.app.bank.build import Built
 from filippov.app.bank.case import Case
-from filippov.app.bank.target import Array, Target, ambiguous, stated, targets
+from filippov.app.bank.target import Target, ambiguous, stated, targets
+from filippov.base.arrays import Array
 from filippov.model.symbols import t as time_symbol
 
 

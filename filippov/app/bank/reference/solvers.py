@@ -22,7 +22,7 @@ from filippov.app.bank.reference.solver import (
     SaidError,
     numeric_field,
 )
-from filippov.app.bank.target import Array
+from filippov.base.arrays import Array
 from filippov.base.status import Status
 from filippov.model.symbols import t as time_symbol
 from filippov.solving.solver import solve
