@@ -7,10 +7,7 @@ from dataclasses import dataclass
 
 from sympy import cos
 
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.symbols import states, t
-from filippov.model.system import System
+from filippov import Parameter, System, parameters, states, t
 from filippov.models.belt import belt
 from filippov.models.chain import chain
 from filippov.models.friction import FrictionLaw

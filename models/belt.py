@@ -5,10 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.symbols import states
-from filippov.model.system import System
+from filippov import Parameter, System, parameters, states
 from filippov.models.friction import AXIS_LABELS, SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic, StaticCoulomb, Stribeck
 from filippov.models.registry import Invariant, Model, SectionData, register

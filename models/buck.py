@@ -9,13 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from filippov.model.comparator import Hysteresis
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.surface import Surface
-from filippov.model.symbols import Heaviside, states
-from filippov.model.system import System
-from filippov.model.time_event import TimeEvent
+from filippov import Heaviside, Hysteresis, Parameter, Surface, System, TimeEvent, parameters, states
 from filippov.models.registry import Invariant, Model, register
 
 

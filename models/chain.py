@@ -15,12 +15,7 @@ import math
 
 from sympy import Expr, Symbol
 
-from filippov.base.errors import ModelError
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.surface import Surface
-from filippov.model.symbols import states
-from filippov.model.system import System
+from filippov import ModelError, Parameter, Surface, System, parameters, states
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic
 from filippov.models.registry import Model, register

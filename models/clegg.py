@@ -5,11 +5,7 @@ Clegg 1958, AIEE Trans. 77, 41; Beker, Hollot, Chait, Han 2004, Automatica 40, 9
 
 from __future__ import annotations
 
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.surface import Surface
-from filippov.model.symbols import states
-from filippov.model.system import System
+from filippov import Parameter, Surface, System, parameters, states
 from filippov.models.registry import Model, register
 
 

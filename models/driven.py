@@ -7,10 +7,7 @@ tau in [0, 1] is time in units of the interval T [s]; u is the applied force as 
 
 from __future__ import annotations
 
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.symbols import states, t
-from filippov.model.system import System
+from filippov import Parameter, System, parameters, states, t
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.mass import REFERENCE_LAW
 

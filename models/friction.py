@@ -23,10 +23,9 @@ import numpy.typing as npt
 import sympy
 from sympy import Abs, Expr, Symbol, sign
 
-from filippov.base.errors import ModelError
+from filippov import ModelError, Surface
 from filippov.model.parameter import Parameter, ParameterSet, as_number
 from filippov.model.parameter_symbol import ParameterNamespace, parameters
-from filippov.model.surface import Surface
 
 # Labels of axes for a mass that moves along x.
 AXIS_LABELS = {"t": "time [s]", "x": "position [m]", "v": "velocity [m/s]"}

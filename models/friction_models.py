@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from filippov.base.errors import ModelError
+from filippov import ModelError, Parameter, Smooth, System, parameters
 from filippov.base.keywords import keywords
 from filippov.model.bristles import MODELS
-from filippov.model.comparator import Smooth
 from filippov.model.friction_model import with_friction_model
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.system import System
 from filippov.models.friction import SMALLEST, FrictionLaw
 from filippov.models.mass import controlled_mass
 

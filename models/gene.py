@@ -8,10 +8,7 @@ Source: Acary, de Jong, Brogliato 2014, Physica D 269.
 
 from __future__ import annotations
 
-from filippov.model.parameter_symbol import parameters
-from filippov.model.surface import Surface
-from filippov.model.symbols import Heaviside, states
-from filippov.model.system import System
+from filippov import Heaviside, Surface, System, parameters, states
 from filippov.models.friction import declare
 from filippov.models.registry import Model, register
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import sympy
 from sympy import Expr, exp
 
-from filippov.base.errors import ModelError
-from filippov.model.parameter import Parameter
+from filippov import ModelError, Parameter
 from filippov.model.parameter_symbol import ParameterNamespace
 from filippov.models.friction import SMALLEST, FrictionLaw, Level, Sides, declare, sides, viscosity
 

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 
 from sympy import Abs, sign
 
-from filippov.model.symbols import states
-from filippov.model.system import System
+from filippov import System, states
 from filippov.models.friction import declare
 from filippov.models.mass import REFERENCE, SOURCE, ControlledMass
 from filippov.models.registry import Model, register

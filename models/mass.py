@@ -14,13 +14,9 @@ from typing import Any, NamedTuple
 import sympy
 from sympy import Expr, Symbol
 
-from filippov.base.errors import ModelError
+from filippov import Karnopp, ModelError, Parameter, Switch, System, states
 from filippov.base.keywords import keywords
-from filippov.model.comparator import Karnopp, Switch
-from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import ParameterNamespace, parameters
-from filippov.model.symbols import states
-from filippov.model.system import System
 from filippov.models.controllers import PID, Controller
 from filippov.models.friction import AXIS_LABELS, SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Coulomb, StaticCoulomb, Stribeck

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from filippov.model.parameter_symbol import parameters
-from filippov.model.symbols import sin, states
-from filippov.model.system import System
+from filippov import System, parameters, sin, states
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Coulomb
 from filippov.models.registry import Invariant, Model, register

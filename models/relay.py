@@ -13,11 +13,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.surface import Surface
-from filippov.model.symbols import sign, states
-from filippov.model.system import System
+from filippov import Parameter, Surface, System, parameters, sign, states
 from filippov.models.registry import Model, register
 
 

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from filippov.model.comparator import Hysteresis
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.surface import Surface
-from filippov.model.symbols import Heaviside, states
-from filippov.model.system import System
+from filippov import Heaviside, Hysteresis, Parameter, Surface, System, parameters, states
 from filippov.models.registry import Model, register
 
 

@@ -16,19 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from filippov import ModelError, Parameter, Stop, System, parameters, solve_many, states
 from filippov.base.arrays import Array
-from filippov.base.errors import ModelError
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.symbols import states
-from filippov.model.system import System
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic
 from filippov.models.registry import Model, SectionData, register
-from filippov.solving.ensemble import solve_many
-from filippov.solving.state.events import Stop
 
 LAW = Hyperbolic(Fs=1, gamma=3)
 ENTRIES = (Stop("block 1", "sliding entry"), Stop("block 2", "sliding entry"))

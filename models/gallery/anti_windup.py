@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.symbols import Max, Min, states
-from filippov.model.system import System
+from filippov import Max, Min, Parameter, System, parameters, states
 from filippov.models.registry import Model, register
 
 

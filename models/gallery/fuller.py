@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import math
 
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.surface import Surface
-from filippov.model.symbols import Abs, sign, states
-from filippov.model.system import System
+from filippov import Abs, Parameter, Surface, System, parameters, sign, states
 from filippov.models.registry import Model, register
 
 

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.surface import Surface
-from filippov.model.symbols import cos, sin, states, t
-from filippov.model.system import System
+from filippov import Parameter, Surface, System, cos, parameters, sin, states, t
 from filippov.models.registry import Model, register
 
 

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.surface import Surface
+from filippov import Parameter, Surface, System, parameters
 from filippov.model.symbols import Expr, Max, Min, sign, states
-from filippov.model.system import System
 from filippov.models.registry import Model, register
 
 Vector = Sequence[Expr]
