@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.optimize import brentq
 
+from filippov import EventKind, Solution, Status, System, UsageError, solve
 from filippov.analysis.algebra.growth import ACCURACY, by_multipliers
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.reset_sides import reset_sides
@@ -26,12 +27,7 @@ from filippov.analysis.orbits.shooting import NoConvergenceError, velocity_at
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.base.arrays import Array, Complex
 from filippov.base.changed import changed
-from filippov.base.errors import UsageError
-from filippov.base.status import EventKind, Status
 from filippov.graphs.word import word_of
-from filippov.model.system import System
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 
 # A cycle this much smaller than at the start is taken to shrink into the equilibrium set.
 _SHRUNK = 1e-5

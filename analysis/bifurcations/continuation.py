@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov import System, UsageError
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.bifurcations.branch_labels import labels_of
 from filippov.analysis.bifurcations.branch_problem import (
@@ -39,13 +40,11 @@ from filippov.analysis.maps.map_units import finer
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import refine
 from filippov.analysis.orbits.shooting import NoConvergenceError
-from filippov.base.errors import UsageError
 from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
 from filippov.base.status import mode_text
-from filippov.model.system import System
 
 # Cosine of the angle between two tangents below which a step is halved; no branch closes in fewer steps.
 _STRAIGHT, _FEWEST = 0.9, 3

@@ -30,11 +30,10 @@ from typing import Any
 import numpy as np
 import sympy
 
+from filippov import System, UsageError
+from filippov import t as time
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.model.symbolic import lie_derivative
-from filippov.model.symbols import t as time
-from filippov.model.system import System
 
 GRAZING = "grazing"
 # Speeds and jumps below this, relative to their scales, count as 0.

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov import System, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.growth import by_eigenvalues, by_excess
 from filippov.analysis.bifurcations.branch import BranchPoint
@@ -24,9 +25,7 @@ from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.base.arrays import Array
 from filippov.base.changed import changed
-from filippov.base.errors import UsageError
 from filippov.base.status import mode_text
-from filippov.model.system import System
 from filippov.solving.state.events import Mode
 
 # What is this near to a kink, in units of the unknowns and the parameter, lies on it.

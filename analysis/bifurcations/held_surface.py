@@ -8,8 +8,7 @@ from typing import Any
 
 import sympy
 
-from filippov.base.errors import UsageError
-from filippov.model.system import System
+from filippov import System, UsageError
 
 
 @lru_cache(maxsize=32)

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from filippov import UsageError, solve
 from filippov.analysis.bifurcations.border_normal_form import TOUCHED, grazed_surface
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.branch_problem import OrbitProblem
@@ -22,8 +23,6 @@ from filippov.analysis.bifurcations.corrector import FAILURES, Along
 from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS, contacts
 from filippov.analysis.bifurcations.tangency import nearest, tangencies
 from filippov.analysis.sensitivity.variation import signs_at
-from filippov.base.errors import UsageError
-from filippov.solving.solver import solve
 
 Array = npt.NDArray[np.float64]
 # Distances from the end of a branch at which the other one is looked for, and those at which its derivatives

@@ -16,12 +16,10 @@ from typing import Any
 import sympy
 from sympy import Expr
 
+from filippov import EventKind, Solution, System
+from filippov import t as time
 from filippov.base.arrays import Array
-from filippov.base.status import EventKind
 from filippov.model.symbolic import Select
-from filippov.model.symbols import t as time
-from filippov.model.system import System
-from filippov.solving.solution import Solution
 
 _RESETS = (EventKind.RESET, EventKind.TIME)
 

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from filippov import Solution, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch_problem import MapProblem, OrbitProblem
 from filippov.analysis.bifurcations.jets import Jets, OutsideError
 from filippov.analysis.orbits.shooting import NoConvergenceError, velocity_at
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
-from filippov.solving.solution import Solution
 
 _RETURNS = 8
 

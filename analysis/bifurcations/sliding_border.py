@@ -20,11 +20,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from filippov import EventKind, Solution
 from filippov.analysis.sensitivity.variation import ModeField, mode_field
 from filippov.base.arrays import Array
-from filippov.base.status import EventKind
 from filippov.solving.segments import Segment
-from filippov.solving.solution import Solution
 from filippov.solving.state.events import Mode
 
 ARRIVALS, ADDING = ("crossing-sliding", "switching-sliding"), "adding-sliding"

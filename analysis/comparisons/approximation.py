@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
+from filippov import ModelError, Parameter, System, UsageError, parameters
 from filippov.analysis.comparisons.band_model import SMOOTH_REACH, BandModel
-from filippov.base.errors import ModelError, UsageError
 from filippov.base.keywords import constructor
 from filippov.base.names import unknown
 from filippov.model.bristles import BRISTLES, DAMPED
@@ -16,9 +16,6 @@ from filippov.model.bristles import MODELS as FRICTION
 from filippov.model.comparator import Band, Comparator, Hysteresis, Karnopp, Smooth, Switch
 from filippov.model.comparators.stick_levels import modes_of_stick
 from filippov.model.friction_model import with_friction_model
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.system import System
 from filippov.solving.state.options import STEPPING
 from filippov.solving.stepping.plan import check_fits
 

@@ -20,13 +20,10 @@ from typing import Any
 
 import numpy as np
 
+from filippov import Band, Smooth, Solution, System, UsageError
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.keywords import constructor
 from filippov.base.names import unknown
-from filippov.model.comparator import Band, Smooth
-from filippov.model.system import System
-from filippov.solving.solution import Solution
 from filippov.solving.state.machine import Machine
 
 # tanh(10) is 1 to 4e-9: beyond this many widths the smooth sign is the sign.

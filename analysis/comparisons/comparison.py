@@ -22,6 +22,7 @@ from typing import Any, overload
 
 import numpy as np
 
+from filippov import System, UsageError
 from filippov.analysis.comparisons.band_model import BandModel, comparator_models
 from filippov.analysis.comparisons.comparison_labels import section_labels
 from filippov.analysis.comparisons.comparison_result import Comparison
@@ -36,11 +37,9 @@ from filippov.analysis.comparisons.solution_result import SolutionComparison
 from filippov.analysis.comparisons.solutions import compare_solutions
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.given import Count, Interval, NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.model.system import System
 
 WIDTHS = tuple(10.0**-k for k in range(2, 9))
 

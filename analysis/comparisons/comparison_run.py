@@ -10,19 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from filippov import Solution, Status, Stop, System, UsageError, solve, solve_many
 from filippov.analysis.comparisons.band_model import BandModel, Reader, Stay
 from filippov.analysis.comparisons.solution_events import EventReader
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.gap_roots import fixed_point_near
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
-from filippov.base.status import Status
-from filippov.model.system import System
-from filippov.solving.ensemble import solve_many
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
-from filippov.solving.state.events import Stop
 from filippov.solving.state.options import check_state
 
 Position = Callable[[float, Any, Any], float]

@@ -21,12 +21,12 @@ import sympy
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from filippov import SolveError, UsageError
+from filippov import t as time
 from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.event_map import EventMap
 from filippov.base.arrays import Array
-from filippov.base.errors import SolveError, UsageError
 from filippov.model.symbolic import slope_of
-from filippov.model.symbols import t as time
 
 NEWTON = 40
 

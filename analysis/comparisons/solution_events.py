@@ -9,12 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
+from filippov import EventKind, Solution, System
 from filippov.analysis.comparisons.approximation import Approximation
 from filippov.analysis.comparisons.band_model import Reader, Stay
 from filippov.base.arrays import Array
-from filippov.base.status import EventKind
-from filippov.model.system import System
-from filippov.solving.solution import Solution
 from filippov.solving.state.options import STEPPING
 
 MOST_NODES = 4000

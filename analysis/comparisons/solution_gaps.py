@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from filippov import EventKind, Solution
 from filippov.base.arrays import Array
-from filippov.base.status import EventKind
-from filippov.solving.solution import Solution
 
 # An impact without a counterpart that jumps by so much of the error, and of the extents, is noted.
 MAKES, SEEN = 0.5, 0.01

@@ -9,17 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from filippov import ModelError, Solution, Status, System, UsageError, solve
 from filippov.analysis.comparisons.approximation import Approximation
 from filippov.analysis.comparisons.solution_ending import Ending, ending
 from filippov.analysis.comparisons.solution_events import EventReader, Read
 from filippov.analysis.comparisons.solution_faults import Seen
 from filippov.analysis.comparisons.solution_gaps import largest_gap
 from filippov.base.arrays import Array
-from filippov.base.errors import ModelError, UsageError
-from filippov.base.status import Status
-from filippov.model.system import System
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 from filippov.solving.state.options import check_state
 from filippov.sweep.measure import Function, read_measures
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from filippov import Solution, System, UsageError
 from filippov.analysis.comparisons.approximation import ALPHA, UNFIT, Unfit, approximations
 from filippov.analysis.comparisons.comparison_labels import solution_labels
 from filippov.analysis.comparisons.solution_faults import faults
@@ -17,12 +18,9 @@ from filippov.analysis.comparisons.solution_run import (
     chosen_widths,
     needed_width,
 )
-from filippov.base.errors import UsageError
 from filippov.base.given import Count, NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.model.system import System
-from filippov.solving.solution import Solution
 
 AGAINST = ("switch", "karnopp", "band", "tanh")
 DECADES = (2, 3, 4, 5, 6)

@@ -14,22 +14,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov import Problem, Status, Sweep, System, UsageError, solve_many
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.first_return import MOST_STEPS
 from filippov.analysis.maps.map_units import map_units
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.given import Axis, Count, Interval, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
-from filippov.base.status import Status
-from filippov.model.system import System
 from filippov.plot.style import axis_labels, coordinate_labels
-from filippov.solving.ensemble import solve_many
-from filippov.solving.state.problem import Problem
-from filippov.sweep.plan import Sweep
 
 CHUNK = 20_000
 UNKNOWN, OUTSIDE, LOST = -1, -2, -3

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
+from filippov import System, UsageError
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import continuation
 from filippov.analysis.bifurcations.corrector import FAILURES
@@ -27,11 +28,9 @@ from filippov.analysis.maps.map_units import finer
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.set_slope import log_slope
 from filippov.analysis.maps.stroboscope import Stroboscope
-from filippov.base.errors import UsageError
 from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.model.system import System
 from filippov.solving.state.option_types import Tolerance
 from filippov.sweep.run import run
 

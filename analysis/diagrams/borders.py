@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq
 
+from filippov import System, UsageError
 from filippov.analysis.bifurcations.continuation import continuation
 from filippov.analysis.bifurcations.corrector import FAILURES
 from filippov.analysis.bifurcations.curve import curve
@@ -20,8 +21,6 @@ from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.set_slope import log_slope
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
-from filippov.model.system import System
 
 Border = tuple[str, Array]
 Excess = Callable[[float, float], float]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov import System, UsageError, solve
 from filippov.analysis.maps.find_section import find_section
 from filippov.analysis.maps.map_rows import MapRows
 from filippov.analysis.maps.returns import Returns, coordinate_of, returns
@@ -16,14 +17,11 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.given import Count, Natural, Positive, as_float, shown
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
-from filippov.model.system import System
 from filippov.plot.style import axis_label, coordinate_labels
-from filippov.solving.solver import solve
 
 REST = 1e-8
 # What a coordinate may be wrong by, in units of rtol of its size.

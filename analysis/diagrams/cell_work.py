@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov import SolveError, Status, System
 from filippov.analysis.algebra.growth import GROWTHS
 from filippov.analysis.diagrams.cells import CLOSEST, COLUMNS, cells
 from filippov.analysis.maps.event_map import EventMap
@@ -17,10 +18,7 @@ from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.map_rows import MapRows
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array, Whole
-from filippov.base.errors import SolveError
-from filippov.base.status import Status
 from filippov.base.version import package_version
-from filippov.model.system import System
 from filippov.sweep.dependence import Dependence, dependence, plain_system
 from filippov.sweep.rows import Limits, Rows, in_blocks
 from filippov.sweep.table import SweepTable

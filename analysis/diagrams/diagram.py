@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov import System, UsageError
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.shown import Shown
-from filippov.model.system import System
 from filippov.plot.style import axis_label, coordinate_labels
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov import ModelError, SolveError, System, UsageError
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
 from filippov.analysis.bifurcations.switch import SWITCHES, switch
@@ -25,8 +26,6 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import find_orbit
-from filippov.base.errors import ModelError, SolveError, UsageError
-from filippov.model.system import System
 
 # Most points of one branch for each value that is asked for.
 _POINTS_EACH = 20

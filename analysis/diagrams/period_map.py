@@ -12,16 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from filippov import System, UsageError
 from filippov.analysis.diagrams.brute_force import brute_force, first_section
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope
 from filippov.base.arrays import Array, Whole
-from filippov.base.errors import UsageError
 from filippov.base.given import Axis, Count, Natural, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
-from filippov.model.system import System
 from filippov.plot.style import axis_labels
 
 UNKNOWN = -1

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov import System, UsageError
 from filippov.analysis.algebra.growth import GROWTHS
 from filippov.analysis.diagrams.borders import exact_borders
 from filippov.analysis.diagrams.cell_work import CellWork
@@ -22,12 +23,10 @@ from filippov.analysis.diagrams.cells import CLOSEST, cells
 from filippov.analysis.maps.map_rows import MapRows
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array, Whole
-from filippov.base.errors import UsageError
 from filippov.base.given import Axis, Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
-from filippov.model.system import System
 from filippov.plot.style import axis_labels
 from filippov.sweep.rows import ERROR
 from filippov.sweep.run import run

@@ -9,6 +9,7 @@ import numpy as np
 import sympy
 from scipy.optimize import least_squares
 
+from filippov import System, UsageError, t
 from filippov.analysis.estimation.driven_run import INPUT
 from filippov.analysis.estimation.identification import (
     Identified,
@@ -20,11 +21,8 @@ from filippov.analysis.estimation.identification import (
 )
 from filippov.analysis.estimation.record import Curve
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.given import Values
 from filippov.base.keywords import keywords
-from filippov.model.symbols import t
-from filippov.model.system import System
 
 
 @keywords()

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as student
 
+from filippov import System, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.estimation.driven_run import INPUT
 from filippov.analysis.estimation.identify_fit import Fit, Fitting
@@ -29,13 +30,11 @@ from filippov.analysis.estimation.misfit import DOUBTED, Test, misfit_tests, ref
 from filippov.analysis.estimation.record import Record
 from filippov.analysis.estimation.residual_noise import degrees_of_freedom, generalised
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.escape import figure_text
 from filippov.base.given import Count, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
-from filippov.model.system import System
 
 HOLDS = ("auto", "cubic", "first", "zero")
 

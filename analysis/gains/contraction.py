@@ -14,12 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import elementwise
 
+from filippov import System, UsageError
 from filippov.analysis.maps.gap_roots import coordinates
 from filippov.analysis.maps.map_rows import MapRows
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
-from filippov.model.system import System
 
 CLOSEST = 1e-6
 NEAR, STEPS = 0.8, 12

@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from filippov import System, UsageError
 from filippov.analysis.gains.contraction import contraction
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.given import Axis, Count, Interval
 from filippov.base.keywords import keywords
-from filippov.model.system import System
 from filippov.plot.style import axis_labels
 
 

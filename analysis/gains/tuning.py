@@ -16,15 +16,14 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
+from filippov import System, UsageError
 from filippov.analysis.gains.contraction import contraction
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.given import Count, Interval, Natural
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
-from filippov.model.system import System
 
 ROUNDS, BISECTIONS, SHELL = 32, 8, 16
 # A box is looked for while it may be larger than the best by this share of its half-width.

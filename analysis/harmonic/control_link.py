@@ -11,17 +11,14 @@ from typing import Any
 import numpy as np
 import sympy
 
+from filippov import ModelError, Surface, System, UsageError, sign, states
+from filippov import t as time
 from filippov.analysis.harmonic.quasi_linear import lure
 from filippov.analysis.sensitivity.variation import mode_field
-from filippov.base.errors import ModelError, UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.interop.control_blocks import control_module
-from filippov.model.surface import Surface
 from filippov.model.symbolic import convex
-from filippov.model.symbols import sign, states
-from filippov.model.symbols import t as time
-from filippov.model.system import System
 from filippov.solving.reading import expression_of
 from filippov.solving.state.options import check_state
 

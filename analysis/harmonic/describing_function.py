@@ -19,15 +19,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
+from filippov import System, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.harmonic.quasi_linear import ComplexArray, Lure, lure, width_unit
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.escape import figure_text
 from filippov.base.given import Interval
 from filippov.base.keywords import keywords
 from filippov.base.shown import Shown
-from filippov.model.system import System
 from filippov.plot.style import axis_label, time_unit
 
 LEVELS, EDGE = 160, 1e-9

@@ -15,11 +15,9 @@ import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 
+from filippov import ModelError, System, t
 from filippov.base.arrays import Array
-from filippov.base.errors import ModelError
 from filippov.model.symbolic import Select
-from filippov.model.symbols import t
-from filippov.model.system import System
 
 ComplexArray = npt.NDArray[np.complex128]
 

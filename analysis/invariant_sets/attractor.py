@@ -9,11 +9,10 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from filippov import System, UsageError
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.shown import Shown
-from filippov.model.system import System
 
 AttractorKind = Literal["equilibrium", "equilibrium set", "periodic", "chaotic", "aperiodic"]
 # Points of a period between which an autonomous orbit is taken for straight.

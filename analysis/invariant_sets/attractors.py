@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov import System, UsageError
 from filippov.analysis.invariant_sets.attractor import Attractor
 from filippov.analysis.invariant_sets.attractor_search import (
     ESCAPED,
@@ -33,13 +34,11 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit import stored_system
 from filippov.analysis.orbits.orbit_file import read_json, write_json
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.given import Count, Natural, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
 from filippov.io.stored_system import system_data
-from filippov.model.system import System
 
 FORMAT, VERSION = "filippov attractors", 1
 SPECIAL = {

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov import Solution, System, UsageError, solve
 from filippov.analysis.invariant_sets.manifold_of_map import Growth, grow
 from filippov.analysis.invariant_sets.return_map import ReturnMap
 from filippov.analysis.maps.section import Section
@@ -22,14 +23,10 @@ from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_file import write_json
 from filippov.analysis.orbits.saddle import Saddle, Side, saddle
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
 from filippov.base.shown import Shown
 from filippov.base.status import Status, mode_text
-from filippov.model.system import System
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 
 OFFSET = 1e-6
 INSIDE, CHUNKS, DOUBLED = 8, 400, 6

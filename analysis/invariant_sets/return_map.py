@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov import Solution, SolveError, Status, UsageError, solve
 from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit import Orbit
@@ -15,11 +16,7 @@ from filippov.analysis.orbits.saddle import Side
 from filippov.analysis.orbits.shooting import onto_surfaces
 from filippov.analysis.sensitivity.saltation import flow_derivative, onto_section
 from filippov.base.arrays import Array
-from filippov.base.errors import SolveError, UsageError
-from filippov.base.status import Status
 from filippov.solving.ensemble import Prepared
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 
 STEPS, RETURNS, SAME = 200_000, 64, 1e-6
 

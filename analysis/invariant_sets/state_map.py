@@ -13,17 +13,14 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from filippov import Status, System, UsageError, solve
 from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.shooting import resolved
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
 from filippov.analysis.steady.forcing import Period, is_forced
 from filippov.base.arrays import Array
 from filippov.base.changed import changed
-from filippov.base.errors import UsageError
-from filippov.base.status import Status
-from filippov.model.system import System
 from filippov.solving.ensemble import Ensemble, Prepared
-from filippov.solving.solver import solve
 
 Kind = Literal["strobe", "step", "section"]
 STEPS = 200_000

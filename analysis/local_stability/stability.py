@@ -11,6 +11,7 @@ from typing import Any
 import sympy
 from sympy import Expr, Symbol
 
+from filippov import ModelError, System
 from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
 from filippov.analysis.algebra.exact_form import exact_form, with_signs
 from filippov.analysis.algebra.number_text import has_decimals
@@ -42,12 +43,10 @@ from filippov.analysis.steady.time_signs import (
     with_time_surfaces,
     without_time_surfaces,
 )
-from filippov.base.errors import ModelError
 from filippov.base.given import Positive
 from filippov.base.keywords import keywords
 from filippov.base.shown import Shown
 from filippov.model.symbolic import SymbolicForm
-from filippov.model.system import System
 
 # Modes beside one equilibrium that are searched although they were not asked for.
 MOST_BESIDE = 81

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 
+from filippov import System, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.budget import Clock
 from filippov.analysis.algebra.polynomial import Verdict, count_roots, exact
@@ -19,10 +20,8 @@ from filippov.analysis.local_stability.linear_growth import is_bounded
 from filippov.analysis.local_stability.stability_result import EIGENVALUE, SetStability, Solved
 from filippov.analysis.steady.edges import side
 from filippov.analysis.steady.linearisation import SlidingLinearisation
-from filippov.base.errors import UsageError
 from filippov.model import symbols
 from filippov.model.symbolic import SymbolicForm
-from filippov.model.system import System
 
 SMALL = 1e-9
 

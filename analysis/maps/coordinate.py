@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import sympy
 
+from filippov import ModelError, System, UsageError
 from filippov.base.arrays import Array
-from filippov.base.errors import ModelError, UsageError
 from filippov.model.expression import parse_expression
-from filippov.model.system import System
 
 
 class Coordinate:

@@ -11,22 +11,18 @@ from typing import Any, Self
 
 import numpy as np
 
+from filippov import Solution, Status, System, UsageError, solve
 from filippov.analysis.maps.first_return import MOST_STEPS, first_return, first_returns
 from filippov.analysis.maps.map_units import level, map_units
 from filippov.analysis.maps.missed import missed
 from filippov.analysis.maps.section import BoundSection, Section
 from filippov.analysis.sensitivity.saltation import derivative_by_all, onto_section
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.given import Count, Natural, Positive, number_array
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
 from filippov.base.shown import Shown
-from filippov.base.status import Status
-from filippov.model.system import System
 from filippov.solving.ensemble import Prepared
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 from filippov.solving.state.option_types import Tolerance
 
 

@@ -7,17 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from filippov import EventKind, System, UsageError, solve
 from filippov.analysis.maps.returns import after, is_still, returns
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.given import Positive
 from filippov.base.keywords import keywords
-from filippov.base.status import EventKind
-from filippov.model.system import System
-from filippov.solving.solver import solve
 from filippov.solving.state.events import Event
 from filippov.solving.state.options import check_state
 

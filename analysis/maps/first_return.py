@@ -8,14 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov import Solution, Status, UsageError, solve, solve_many
 from filippov.analysis.maps.section import BoundSection
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
-from filippov.base.status import Status
-from filippov.solving.ensemble import solve_many
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 
 # A return takes tens of steps; a solution that takes this many does not come back.
 MOST_STEPS = 200_000

@@ -15,15 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov import Status, UsageError
 from filippov.analysis.algebra.growth import ACCURACY, Growth, by_excess, by_multipliers
 from filippov.analysis.maps.gap_roots import NOISE, Gap, Samples, brackets, coordinates, roots, split
 from filippov.analysis.maps.map_units import finer, map_units
 from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.base.arrays import Array, Whole
-from filippov.base.errors import UsageError
 from filippov.base.shown import Shown
-from filippov.base.status import Status
 
 if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ScalarMap

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy
 
+from filippov import System, solve
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.drift_map import first_zero
@@ -26,8 +27,6 @@ from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.linearisation import linearise
 from filippov.base.arrays import Array
 from filippov.base.status import mode_text
-from filippov.model.system import System
-from filippov.solving.solver import solve
 
 if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ScalarMap

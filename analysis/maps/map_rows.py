@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from filippov import Status, System
 from filippov.analysis.maps.first_return import MOST_STEPS, first_returns
 from filippov.analysis.maps.map_units import units_at
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
-from filippov.base.status import Status
-from filippov.model.system import System
 from filippov.solving.ensemble import Prepared
 
 

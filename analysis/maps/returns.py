@@ -12,19 +12,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov import Solution, Status, System, UsageError, solve
 from filippov.analysis.maps.coordinate import Coordinate
 from filippov.analysis.maps.first_return import MOST_STEPS
 from filippov.analysis.maps.missed import missed
 from filippov.analysis.maps.section import BoundSection, Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
-from filippov.base.status import Status
-from filippov.model.system import System
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 from filippov.solving.state.events import Event
 from filippov.solving.state.options import check_state
 

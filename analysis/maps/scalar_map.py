@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Protocol, Self
 
+from filippov import Solution, Status, System
 from filippov.analysis.maps.section import BoundSection, Section
 from filippov.base.arrays import Array
-from filippov.base.status import Status
-from filippov.model.system import System
-from filippov.solving.solution import Solution
 
 
 class ScalarMap(Protocol):

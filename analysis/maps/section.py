@@ -10,14 +10,13 @@ from typing import Any, ClassVar
 import numpy as np
 import sympy
 
+from filippov import ModelError, System, UsageError
 from filippov.analysis.maps.coordinate import Coordinate
 from filippov.base.arrays import Array
-from filippov.base.errors import ModelError, UsageError
 from filippov.base.keywords import constructor
 from filippov.base.names import unknown
 from filippov.base.status import no_kind
 from filippov.model.expression import parse_expression
-from filippov.model.system import System
 from filippov.solving.state.events import STOP_KINDS, Stop, turned
 
 # A Dummy: a parameter of the system may be called d as well.

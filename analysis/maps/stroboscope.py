@@ -8,13 +8,12 @@ from typing import Any
 
 import sympy
 
+from filippov import System, UsageError
 from filippov.analysis.steady.forcing import Period, is_forced
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.keywords import constructor
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
-from filippov.model.system import System
 
 # The most parts of a strobe's time that are looked for in the period of an orbit.
 MOST_PARTS = 100

@@ -15,14 +15,12 @@ from typing import Any
 
 import numpy as np
 
+from filippov import Solution, SolveError, System
 from filippov.analysis.sensitivity.reset_slopes import reset_slopes
 from filippov.analysis.sensitivity.saltation import Together, passive
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.base.arrays import Array
-from filippov.base.errors import SolveError
 from filippov.base.status import EventKind, mode_text
-from filippov.model.system import System
-from filippov.solving.solution import Solution
 from filippov.solving.state.events import Event, Mode
 from filippov.solving.state.machine import Machine
 

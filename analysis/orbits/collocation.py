@@ -21,13 +21,12 @@ import numpy.typing as npt
 import scipy.sparse
 from scipy.sparse.linalg import splu
 
+from filippov import ModelError, SolveError, System, UsageError
 from filippov.analysis.orbits.arcs import Arc, Ending
 from filippov.analysis.orbits.gauss_step import Steps, gauss_steps
 from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.base.arrays import Array
-from filippov.base.errors import ModelError, SolveError, UsageError
-from filippov.model.system import System
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Machine
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov import Solution, SolveError, Status, solve
 from filippov.analysis.orbits.arcs import WordError
 from filippov.analysis.orbits.orbit import Orbit, make_orbit
 from filippov.analysis.orbits.orbit_collocation import (
@@ -21,10 +22,6 @@ from filippov.analysis.orbits.orbit_collocation import (
 from filippov.analysis.orbits.shooting import NoConvergenceError, Shooting, onto_surfaces, resolved
 from filippov.analysis.steady.forcing import Period
 from filippov.base.arrays import Array
-from filippov.base.errors import SolveError
-from filippov.base.status import Status
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 from filippov.solving.state.events import Mode
 
 # How many sequences of modes are tried, and how many states of what was found make up another guess.

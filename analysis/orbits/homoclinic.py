@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov import Solution, SolveError, System, UsageError, solve
 from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.arcs import Arc, arcs_of
 from filippov.analysis.orbits.collocation import Boundary, BoundaryProblem, Mesh, solved
@@ -35,16 +36,12 @@ from filippov.analysis.orbits.shooting import (
 )
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.arrays import Array
-from filippov.base.errors import SolveError, UsageError
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Shown
 from filippov.base.status import Status, mode_text
 from filippov.graphs.word import word_of
-from filippov.model.system import System
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 from filippov.solving.state.events import Mode
 from filippov.solving.state.options import check_state
 

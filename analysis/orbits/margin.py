@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from filippov import EventKind, Solution
 from filippov.analysis.sensitivity.saltation import Together
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.base.arrays import Array
-from filippov.base.status import EventKind
 from filippov.solving.segments import Segment
-from filippov.solving.solution import Solution
 
 _PER_STEP = 6
 _MET = ("switching", "reset")

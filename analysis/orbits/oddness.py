@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from filippov import System
+from filippov import t as time
 from filippov.analysis.sensitivity.variation import mode_field, signs_at
 from filippov.base.arrays import Array
-from filippov.model.symbols import t as time
-from filippov.model.system import System
 from filippov.solving.state.machine import Machine
 
 _POINTS = 48

@@ -10,22 +10,19 @@ from typing import Any
 
 import numpy as np
 
+from filippov import Solution, SolveError, System, UsageError, solve
 from filippov.analysis.algebra.growth import ACCURACY, Growth, by_multipliers
 from filippov.analysis.orbits.floquet import product_multipliers, return_factors, without_trivial
 from filippov.analysis.orbits.margin import Margin, margin
 from filippov.analysis.orbits.oddness import is_odd
 from filippov.analysis.orbits.shooting import Shooting
 from filippov.base.arrays import Array, Complex
-from filippov.base.errors import SolveError, UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
 from filippov.base.shown import Shown
 from filippov.base.status import EventKind, mode_text
 from filippov.graphs.word import word_of
 from filippov.io.stored_system import system_data, system_of
-from filippov.model.system import System
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 from filippov.solving.state.events import Event, Mode
 
 FORMAT, VERSION = "filippov orbit", 1

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov import Solution, SolveError, Status, System, UsageError, solve
 from filippov.analysis.orbits.collocation_search import CollocationSearch, collocated_from
 from filippov.analysis.orbits.no_derivative import with_cure
 from filippov.analysis.orbits.orbit import Orbit, make_orbit
@@ -27,13 +28,8 @@ from filippov.analysis.orbits.shooting import (
 )
 from filippov.analysis.steady.forcing import Period, is_forced
 from filippov.base.arrays import Array
-from filippov.base.errors import SolveError, UsageError
 from filippov.base.given import Count, NonNegative, Positive
 from filippov.base.keywords import keywords
-from filippov.base.status import Status
-from filippov.model.system import System
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 from filippov.solving.state.events import Mode
 from filippov.solving.state.option_types import Tolerance
 from filippov.solving.state.options import check_state

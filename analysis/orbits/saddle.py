@@ -21,15 +21,14 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from filippov import SolveError, System, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.shooting import NoConvergenceError, resolved, velocity_at
 from filippov.analysis.sensitivity.variation import mode_field, signs_at
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.arrays import Array
-from filippov.base.errors import SolveError, UsageError
 from filippov.base.keywords import keywords
 from filippov.base.status import mode_text
-from filippov.model.system import System
 from filippov.solving.state.events import Mode
 from filippov.solving.state.options import check_state
 

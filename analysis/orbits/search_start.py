@@ -7,9 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from filippov import EventKind, Solution
 from filippov.base.arrays import Array
-from filippov.base.status import EventKind
-from filippov.solving.solution import Solution
 
 # A return is a candidate if it comes back to within this part of the solution's extent.
 _NEAR_EXTENT = 0.3

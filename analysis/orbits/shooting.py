@@ -18,17 +18,13 @@ from typing import Any
 
 import numpy as np
 
+from filippov import ModelError, Solution, SolveError, Status, System, UsageError, solve
 from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.oddness import repeats
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import Period, is_forced
 from filippov.base.arrays import Array
-from filippov.base.errors import ModelError, SolveError, UsageError
-from filippov.base.status import Status
-from filippov.model.system import System
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 from filippov.solving.state.events import Mode
 
 MOST_STEPS = 2_000_000

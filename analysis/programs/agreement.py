@@ -11,10 +11,10 @@ import numpy as np
 import sympy
 from scipy.optimize import brentq
 
+from filippov import System
+from filippov import t as time
 from filippov.analysis.programs.translation import Translation
 from filippov.base.arrays import Array
-from filippov.model.symbols import t as time
-from filippov.model.system import System
 
 POINTS, FEWEST = 200, 20
 SAME, NEAR = 1e-8, 1e-9

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from filippov import ModelError, Solution, System, UsageError, solve
 from filippov.analysis.programs.agreement import FEWEST, Numbers, disagreement
 from filippov.analysis.programs.corners import continuous, jumped
 from filippov.analysis.programs.findings import (
@@ -26,16 +27,12 @@ from filippov.analysis.programs.reader import Reading, read_program
 from filippov.analysis.programs.source import source_of
 from filippov.analysis.programs.translation import Translation, going_on, stiffly, translate
 from filippov.base.arrays import Array
-from filippov.base.errors import ModelError, UsageError
 from filippov.base.escape import printable
 from filippov.base.given import Count, NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
 from filippov.base.shown import Shown
 from filippov.base.status import Status, mode_text
-from filippov.model.system import System
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

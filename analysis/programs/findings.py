@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 import sympy
 
+from filippov import EventKind, Solution
+from filippov import t as time
 from filippov.analysis.programs.agreement import Numbers
 from filippov.analysis.programs.naive_run import NaiveRun
 from filippov.analysis.programs.notes import Site
 from filippov.analysis.programs.translation import Translation
 from filippov.base.arrays import Array
-from filippov.base.status import EventKind
 from filippov.model.extract import NONSMOOTH
-from filippov.model.symbols import t as time
-from filippov.solving.solution import Solution
 
 # Changes of sign of h between steps, while the solution slides, from which a run chatters.
 CHATTER = 3

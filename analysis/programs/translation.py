@@ -11,6 +11,8 @@ import sympy
 from sympy import Expr, Symbol
 from sympy.printing.str import StrPrinter
 
+from filippov import Surface, System, TimeEvent
+from filippov import t as time
 from filippov.analysis.programs import automaton
 from filippov.analysis.programs.choice import expression
 from filippov.analysis.programs.notes import Clock, Site
@@ -18,11 +20,7 @@ from filippov.analysis.programs.outside import unique
 from filippov.analysis.programs.reader import Reading
 from filippov.base.arrays import Array
 from filippov.model.parameter_symbol import ParameterSymbol, parameters
-from filippov.model.surface import Surface
 from filippov.model.symbolic import Select
-from filippov.model.symbols import t as time
-from filippov.model.system import System
-from filippov.model.time_event import TimeEvent
 
 FUNCTIONS = (
     "Abs", "Heaviside", "Max", "Min", "Piecewise", "cos", "exp", "log", "pi", "sign", "sin", "sqrt",

@@ -14,15 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from filippov import System, UsageError, solve
 from filippov.analysis.sensitivity.carried_basis import CarriedBasis
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.shown import Shown
-from filippov.model.system import System
 from filippov.plot.style import time_unit
-from filippov.solving.solver import solve
 from filippov.solving.state.options import Options, check_state
 
 BLOCKS = 8

@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from filippov import ModelError, System
 from filippov.base.arrays import Array
-from filippov.base.errors import ModelError
 from filippov.kernel.derivative.difference import local_slope
 from filippov.kernel.derivative.exact import Exact, along
 from filippov.kernel.derivative.overloaded import overloaded
-from filippov.model.system import System
 
 # Offsets and weights of the central difference of fourth order, and its length along a sign.
 _OFFSETS = (-2.0, -1.0, 1.0, 2.0)

@@ -10,11 +10,10 @@ import numpy as np
 import sympy
 from sympy import Expr
 
+from filippov import System, UsageError
+from filippov import t as time
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.model.symbolic import SymbolicForm
-from filippov.model.symbols import t as time
-from filippov.model.system import System
 from filippov.solving.state.events import Event, Mode
 
 

@@ -27,16 +27,14 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from filippov import Solution, System, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.reset_slopes import instant_slopes, reset_slopes
 from filippov.analysis.sensitivity.variation import ModeField, mode_field, signs_at, transitions
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, mode_text
-from filippov.model.system import System
 from filippov.solving.selection.modes import successors
-from filippov.solving.solution import Solution
 from filippov.solving.state.events import Event, Mode
 from filippov.solving.state.interpolant import Interpolant
 from filippov.solving.state.machine import Machine

@@ -17,13 +17,12 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
+from filippov import System, UsageError
+from filippov import t as time
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.plain_variation import PlainParts
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.base.names import unknown
-from filippov.model.symbols import t as time
-from filippov.model.system import System
 
 
 class Parts(Protocol):

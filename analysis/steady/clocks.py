@@ -11,12 +11,12 @@ import numpy as np
 import sympy
 from sympy import Expr
 
+from filippov import System
+from filippov import t as time
 from filippov.analysis.algebra.exact_form import exact_form
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.base.arrays import Array
 from filippov.model.symbolic import Select
-from filippov.model.symbols import t as time
-from filippov.model.system import System
 
 KEPT = 1e-9
 MOST_TURNS = 64

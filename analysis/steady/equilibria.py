@@ -14,6 +14,7 @@ from typing import Any
 import sympy
 from sympy import Expr, Symbol
 
+from filippov import System, UsageError
 from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
 from filippov.analysis.algebra.exact_form import exact_form
 from filippov.analysis.algebra.polynomial import exact, in_exponents
@@ -38,13 +39,11 @@ from filippov.analysis.steady.time_signs import (
     with_time_surfaces,
     without_time_surfaces,
 )
-from filippov.base.errors import UsageError
 from filippov.base.given import Positive, interval
 from filippov.base.keywords import keywords
 from filippov.model import symbols
 from filippov.model.contact import not_derived
 from filippov.model.symbolic import SymbolicForm
-from filippov.model.system import System
 
 MOST_MODES = 243
 # Up to so many are searched without asking which can hold an equilibrium.

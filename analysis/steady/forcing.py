@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 import sympy
 
+from filippov import ModelError, System, UsageError
+from filippov import t as time
 from filippov.analysis.algebra.polynomial import exact
 from filippov.base.arrays import Array
 from filippov.base.changed import changed
-from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import positive
 from filippov.base.signature import check_signature
 from filippov.model.expression import parse_expression
 from filippov.model.signals.input import Sampled
-from filippov.model.symbols import t as time
-from filippov.model.system import System
 
 
 @lru_cache(maxsize=128)

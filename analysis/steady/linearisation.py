@@ -20,6 +20,7 @@ from typing import Any
 import sympy
 from sympy import Dummy, Expr, Symbol
 
+from filippov import ModelError, System
 from filippov.analysis.algebra.exact_form import exact_form
 from filippov.analysis.algebra.exponents import (
     ExponentCase,
@@ -32,10 +33,8 @@ from filippov.analysis.algebra.polynomial import in_large_field
 from filippov.analysis.steady.branches import short
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.analysis.steady.existence import at_rest
-from filippov.base.errors import ModelError
 from filippov.base.keywords import keywords
 from filippov.model.symbolic import SymbolicForm, convex
-from filippov.model.system import System
 
 
 @dataclass(frozen=True)

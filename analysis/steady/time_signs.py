@@ -13,10 +13,10 @@ from functools import lru_cache
 import sympy
 from sympy import Expr, Symbol
 
+from filippov import System
+from filippov import t as time
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.model.symbolic import Contact, SymbolicForm, convex
-from filippov.model.symbols import t as time
-from filippov.model.system import System
 
 SOON = sympy.Rational(7313, 10000)
 

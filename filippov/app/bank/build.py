@@ -12,16 +12,12 @@ from typing import Any
 
 from sympy import Expr, Symbol
 
+from filippov import ModelError, Surface, System, TimeEvent, parameters
 from filippov.app.bank.notation import Number, formula, number
 from filippov.app.bank.system_form import SurfaceForm, SystemForm, TimeEventForm, read_system
-from filippov.base.errors import ModelError
 from filippov.base.names import check_known, check_name
 from filippov.model.extract import NONSMOOTH
-from filippov.model.parameter_symbol import parameters
 from filippov.model.size import Scale
-from filippov.model.surface import Surface
-from filippov.model.system import System
-from filippov.model.time_event import TimeEvent
 from filippov.solving.state.options import Options
 
 _WORD = re.compile(r"[^\W\d]\w*")

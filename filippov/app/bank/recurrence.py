@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from filippov.base.status import EventKind
-from filippov.solving.solution import Solution
+from filippov import EventKind, Solution
 from filippov.solving.state.events import Event
 
 

@@ -11,6 +11,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from filippov import Status, UsageError
 from filippov.analysis.algebra.budget import OutOfBudgetError
 from filippov.analysis.algebra.deadline import within
 from filippov.app.bank.case import Case, Entry, chosen, read_bank
@@ -20,8 +21,6 @@ from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome,
 from filippov.app.bank.polynomial import Polynomial
 from filippov.app.bank.row import Row
 from filippov.app.bank.subjects import Subjects
-from filippov.base.errors import UsageError
-from filippov.base.status import Status
 from filippov.solving.state.options import Options
 
 Told = Callable[[Row], None]

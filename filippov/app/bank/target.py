@@ -9,6 +9,8 @@ import numpy as np
 import sympy
 from sympy import Expr
 
+from filippov import ModelError
+from filippov import t as time_symbol
 from filippov.app.bank import typed_json
 from filippov.app.bank.build import Built
 from filippov.app.bank.case import Case, read_bank
@@ -21,8 +23,6 @@ from filippov.app.bank.quantities.states import End, State
 from filippov.app.bank.subjects import Subjects
 from filippov.app.bank.system_form import SystemForm
 from filippov.base.arrays import Array
-from filippov.base.errors import ModelError
-from filippov.model.symbols import t as time_symbol
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from filippov.base.errors import ModelError, UsageError
+from filippov import ModelError, Problem, System, UsageError
 from filippov.base.escape import figure_text
 from filippov.base.names import closest
 from filippov.base.user_file import load_file, place_of
-from filippov.model.system import System
 from filippov.models import problem, registry
 from filippov.plot.style import axis_label
 from filippov.solving.state.options import check_state, falls
-from filippov.solving.state.problem import Problem
 
 # States that a message names one by one.
 MOST_NAMED = 6

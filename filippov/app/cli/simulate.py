@@ -7,16 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from filippov import ModelError, Solution, UsageError
 from filippov.app.cli import simulate_tree
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import loaded_of
 from filippov.app.cli.solved import EVENT_COLUMNS, event_data, event_row, exit_code, solved
-from filippov.base.errors import ModelError, UsageError
 from filippov.base.read_whole import read_json
 from filippov.base.status import Status, mode_text
 from filippov.solving.reading import expression_of
-from filippov.solving.solution import Solution
 
 SHOWN = 12
 MOST_ROWS = 200_000

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from filippov import Problem, solve
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.solved import event_data, solver_options
 from filippov.base.escape import figure_text
 from filippov.base.status import Status, mode_text
 from filippov.solving.solution_tree import Path, SolutionTree
-from filippov.solving.solver import solve
-from filippov.solving.state.problem import Problem
 
 COLUMNS = ("solution", "branches", "modes", "status", "t_end")
 TREE = ("max_branches", "max_depth", "release_times")

@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from filippov import ModelError, Problem, Solution, UsageError, UserEvent, solve
 from filippov.app.cli.console import Console
-from filippov.base.errors import ModelError, UsageError
 from filippov.base.status import Status, mode_text
-from filippov.model.user_event import UserEvent
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 from filippov.solving.state.events import Event, Stop
 from filippov.solving.state.options import options_but
-from filippov.solving.state.problem import Problem
 
 # The others are set by a command itself, or have a form of their own.
 SOLVER = options_but("stop", "dense_output", "compile")

@@ -9,17 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from filippov import Problem, SolveError, Sweep, UsageError, solve_many
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import loaded_of
 from filippov.app.cli.outputs import Outputs
 from filippov.app.cli.solved import SOLVER, parse_stop
-from filippov.base.errors import SolveError, UsageError
 from filippov.base.status import mode_text
-from filippov.solving.ensemble import solve_many
-from filippov.solving.state.problem import Problem
 from filippov.sweep.dataset import write_csv, write_netcdf
-from filippov.sweep.plan import Sweep
 from filippov.sweep.point import split
 from filippov.sweep.table import SweepTable
 

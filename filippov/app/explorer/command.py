@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from filippov import Problem, UsageError
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded, loaded_of
@@ -13,8 +14,6 @@ from filippov.app.explorer.export import FILES, UNNAMED, offered
 from filippov.app.explorer.pictures import summary
 from filippov.app.explorer.subject import of_file, subject
 from filippov.app.explorer.view import View
-from filippov.base.errors import UsageError
-from filippov.solving.state.problem import Problem
 
 
 def run(settings: dict[str, Any], console: Console) -> int:

@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from filippov import Solution, UsageError
 from filippov.app.explorer.export import FILES, offered
 from filippov.app.explorer.look import Figure
 from filippov.app.explorer.map_figure import diagram_figure
@@ -15,10 +16,8 @@ from filippov.app.explorer.pictures import pictures
 from filippov.app.explorer.solutions import Solutions
 from filippov.app.explorer.subject import Subject, subject
 from filippov.app.explorer.view import View
-from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.whole_file import write_whole
-from filippov.solving.solution import Solution
 
 if TYPE_CHECKING:
     from werkzeug.serving import BaseWSGIServer

@@ -7,9 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from filippov.base.errors import ModelError, UsageError
+from filippov import ModelError, Parameter, UsageError
 from filippov.base.names import unknown
-from filippov.model.parameter import Parameter
 
 LONGEST = 64  # characters of a value in a link
 

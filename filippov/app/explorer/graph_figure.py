@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from filippov import EventKind, Solution
 from filippov.app.explorer.look import LOW, Figure, empty, figure, plain
 from filippov.app.explorer.time_figure import mode_words
-from filippov.base.status import EventKind
 from filippov.plot.graph import places_of
 from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, RED
-from filippov.solving.solution import Solution
 
 COLOURS = {str(EventKind.CROSSING): BLUE, str(EventKind.ENTRY): RED, str(EventKind.EXIT): GREEN,
            str(EventKind.GRAZING): PURPLE}  # fmt: skip

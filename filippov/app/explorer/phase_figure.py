@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import sympy
 
+from filippov import Solution, System
+from filippov import t as time_symbol
 from filippov.app.explorer.look import (
     HEIGHT,
     MARKS,
@@ -25,11 +27,8 @@ from filippov.app.explorer.look import (
 )
 from filippov.app.explorer.view import View
 from filippov.base.arrays import Array
-from filippov.model.symbols import t as time_symbol
-from filippov.model.system import System
 from filippov.plot.pieces import pieces_of
 from filippov.plot.style import BLUE, GREY, INK, ORANGE
-from filippov.solving.solution import Solution
 
 POINTS = 1000
 GRID = 41

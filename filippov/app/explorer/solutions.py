@@ -9,17 +9,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from filippov import Parameter, Solution, System, UsageError, parameters, solve
 from filippov.app.explorer.subject import Subject
 from filippov.app.explorer.view import EXACT, View
 from filippov.base.arrays import Array
-from filippov.base.errors import UsageError
 from filippov.model.comparator import NAMES
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.system import System
 from filippov.plot.maps import bisected
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 
 T = TypeVar("T")
 # The budget of a redraw; a solution that needs more ends early, with a message.

@@ -8,12 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from filippov.base.errors import UsageError
+from filippov import Problem, System, UsageError
 from filippov.io.stored_system import system_data
-from filippov.model.system import System
 from filippov.plot.style import axis_label
 from filippov.solving.state.options import check_state
-from filippov.solving.state.problem import Problem
 
 if TYPE_CHECKING:
     from filippov.analysis.maps.section import Section

@@ -13,12 +13,11 @@ from functools import partial
 from typing import Any, Self
 from urllib.parse import parse_qsl, urlencode
 
+from filippov import Parameter, UsageError
 from filippov.app.explorer.field import Field, slider_range, step_of
 from filippov.app.explorer.subject import Subject
-from filippov.base.errors import UsageError
 from filippov.base.names import unknown
 from filippov.model.comparator import NAMES
-from filippov.model.parameter import Parameter
 from filippov.solving.state.options import check_state
 
 EXACT = "Exact"

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from filippov import UsageError, export_system
 from filippov.app.cli.console import Console
 from filippov.app.cli.model import load_model
-from filippov.base.errors import UsageError
 from filippov.base.escape import printable
-from filippov.io.automaton.export import export_system
 
 
 def run(settings: dict[str, Any], console: Console) -> int:

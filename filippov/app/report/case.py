@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov import SolveError, UsageError, solve
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
 from filippov.analysis.comparisons.independent import Orbits
@@ -23,11 +24,9 @@ from filippov.app.report.context import Context
 from filippov.app.report.effort import Effort
 from filippov.app.report.part import first
 from filippov.base.arrays import Array
-from filippov.base.errors import SolveError, UsageError
 from filippov.graphs.graph import observed_graph
 from filippov.graphs.word import mode_word
 from filippov.models.studies import Study, StudyCase
-from filippov.solving.solver import solve
 from filippov.solving.state.machine import Machine
 
 # The ends of the stages, as fractions of a case.

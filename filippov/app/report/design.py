@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from filippov import SolveError, solve
 from filippov.analysis.estimation.identification import Identified, identify
 from filippov.analysis.estimation.record import Record
 from filippov.analysis.gains.gain_map import gain_map as ratio_map
@@ -20,13 +21,11 @@ from filippov.app.report.context import Context
 from filippov.app.report.effort import Effort
 from filippov.app.report.part import NONE, Chapter, Picture, TextTable, number, yes
 from filippov.app.report.run import StudyRun
-from filippov.base.errors import SolveError
 from filippov.models import registry
 from filippov.models.studies import Law, Study
 from filippov.plot.describing import plot_describing_function
 from filippov.plot.identification import plot_identification
 from filippov.plot.tuning import plot_gain_maps as plot_ratio_maps
-from filippov.solving.solver import solve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from filippov import Solution, SolveError, solve
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
 from filippov.analysis.orbits.orbit import Orbit
@@ -16,12 +17,9 @@ from filippov.app.report.cycles import rows_of
 from filippov.app.report.effort import Effort
 from filippov.app.report.part import NONE, Chapter, Picture, TextTable, first, number
 from filippov.app.report.run import StudyRun
-from filippov.base.errors import SolveError
 from filippov.models.studies import Study, StudyCase
 from filippov.plot.branch import draw_line
 from filippov.plot.style import GREY, INK, SERIES, new_figure, style
-from filippov.solving.solution import Solution
-from filippov.solving.solver import solve
 
 SAID = {"unstable": "repels", "undecided": "undecided"}
 

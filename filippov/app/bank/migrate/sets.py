@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from sympy import Symbol
 
+from filippov import ModelError, Status
+from filippov import t as time_symbol
 from filippov.app.bank.migrate.events import counting, kind_word
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
 from filippov.app.bank.migrate.states import velocity_name, when
@@ -26,9 +28,6 @@ from filippov.app.bank.quantities.sliding import (
     VertexWeights,
 )
 from filippov.app.bank.quantities.states import End, ModeAt, Phases, Rest, State, Steady, TurningPoints
-from filippov.base.errors import ModelError
-from filippov.base.status import Status
-from filippov.model.symbols import t as time_symbol
 
 _NUMBERS = {"two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "2": 2, "3": 3, "4": 4, "5": 5, "6": 6}
 _NON_UNIQUE = r"non-?\s?uniq|not unique|ambiguous|multiple|several|repelling|escaping|branch|set-valued"

@@ -12,12 +12,12 @@ import sympy
 from scipy.optimize import minimize_scalar
 from sympy import Symbol
 
+from filippov import Solution
+from filippov import t as time_symbol
 from filippov.app.bank.case_runs import CaseRuns, slides
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.quantities.quantity import Over, Quantity, expression, segments_over
 from filippov.base.arrays import Array
-from filippov.model.symbols import t as time_symbol
-from filippov.solving.solution import Solution
 
 SAMPLES = 101
 _NODES, _GAUSS = np.polynomial.legendre.leggauss(24)

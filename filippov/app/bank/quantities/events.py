@@ -7,12 +7,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from filippov import EventKind, Solution, Status
 from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.notation import Number
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.quantities.quantity import Quantity, When, moment, one_of
-from filippov.base.status import EventKind, Status
-from filippov.solving.solution import Solution
 from filippov.solving.state.events import Event
 from filippov.solving.state.machine import Machine
 

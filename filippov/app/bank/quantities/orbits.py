@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from filippov import EventKind, ModelError, SolveError, UsageError
 from filippov.analysis.algebra.growth import ACCURACY, by_multipliers
 from filippov.analysis.bifurcations.continuation import continuation
 from filippov.analysis.harmonic.describing_function import describing_function
@@ -19,9 +20,7 @@ from filippov.app.bank.notation import Number
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.quantities.quantity import Quantity, one_of
 from filippov.app.bank.recurrence import Cycle
-from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.base.names import check_known
-from filippov.base.status import EventKind
 from filippov.solving.state.options import Options
 
 SYMMETRIC = 1e-6

@@ -10,13 +10,12 @@ import numpy as np
 import sympy
 from sympy import Expr, Symbol
 
+from filippov import ModelError, Solution
+from filippov import t as time_symbol
 from filippov.app.bank.case_runs import CaseRuns, slides
 from filippov.app.bank.notation import Number, formula
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.polynomial import Polynomial
-from filippov.base.errors import ModelError
-from filippov.model.symbols import t as time_symbol
-from filippov.solving.solution import Solution
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))

@@ -13,6 +13,8 @@ import sympy
 from scipy.integrate import solve_ivp
 from sympy import Abs, Dummy, Expr, Float, Rational
 
+from filippov import Status, solve
+from filippov import t as time_symbol
 from filippov.app.bank.reference.solver import (
     CannotError,
     Given,
@@ -23,9 +25,6 @@ from filippov.app.bank.reference.solver import (
     numeric_field,
 )
 from filippov.base.arrays import Array
-from filippov.base.status import Status
-from filippov.model.symbols import t as time_symbol
-from filippov.solving.solver import solve
 
 STEPS = 200  # between two looks at what is allowed; a step of order n counts as n field calls
 STAGES = {"Tsit5": 6, "Dopri8": 13}
