@@ -132,20 +132,7 @@ class Comparison(Shown, Answering):
             if len(computed) < len(rows) or "too many steps" in narrow["note"]:
                 return made(None, None, f"{where}, and smaller ones take too many steps.")
             return made(None, False, f"{where}: the model does NOT converge to the exact system.")
-        above, order = fitted(known, floor)
-        width, error = known[-1]
-        if error <= floor and len(above) < 2:
-            return made(None, True, f"is not more than rounding at width {width:g}.")
-        if order is None:
-            return made(None, None, f"is {error:.3g} at width {width:g}; one width gives no order.")
-        if order > SLOWEST:
-            end = "not more than rounding" if error <= floor else f"{error:.2g}"
-            return made(order, True, f"goes to 0 like width^{order:.2f}; {end} at width {width:g}.")
-        return made(
-            order, False,
-            f"does NOT go to 0 at these widths: {above[0][1]:.3g} at width {above[0][0]:g}, {error:.3g} at "
-            f"width {width:g}.",
-        )  # fmt: skip
+        return made(*tended(known, floor))
 
     def __str__(self) -> str:
         return self.to_text().rstrip()
@@ -186,13 +173,21 @@ class Comparison(Shown, Answering):
         return plot_comparison(self, **options)
 
 
-def fitted(known: Pairs, floor: float) -> tuple[Pairs, float | None]:
-    """The last FITTED of the pairs (width, error) above the floor, and their order; None for one or none."""
+def tended(known: Pairs, floor: float) -> tuple[float | None, bool | None, str]:
+    """The order of errors over widths, from the last FITTED above the floor; whether they vanish; in words."""
     above = [(width, error) for width, error in known if error > floor][-FITTED:]
+    width, error = known[-1]
+    if len(above) < 2 and error <= floor:
+        return None, True, f"is not more than rounding at width {width:g}."
     if len(above) < 2:
-        return above, None
+        return None, None, f"is {error:.3g} at width {width:g}; one width gives no order."
     widths, errors = np.log(above).T
-    return above, float(np.polyfit(widths, errors, 1)[0])
+    order = float(np.polyfit(widths, errors, 1)[0])
+    if order > SLOWEST:
+        end = "not more than rounding" if error <= floor else f"{error:.2g}"
+        return order, True, f"goes to 0 like width^{order:.2f}; {end} at width {width:g}."
+    ends = f"{above[0][1]:.3g} at width {above[0][0]:g}, {error:.3g} at width {width:g}"
+    return order, False, f"does NOT go to 0 at these widths: {ends}."
 
 
 def aligned(table: Sequence[Sequence[str]]) -> list[str]:

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from filippov.analysis.comparisons.approximation import UNFIT
-from filippov.analysis.comparisons.comparison_result import SLOWEST, Trend, aligned, fitted
+from filippov.analysis.comparisons.comparison_result import Trend, aligned, tended
 from filippov.analysis.comparisons.solution_run import ERRORS, LISTS, OWN
 from filippov.base.csv_text import csv_text
 from filippov.base.json_text import json_text
@@ -128,20 +128,8 @@ class SolutionComparison(Shown, Answering):
         known = [(row["width"], row[quantity]) for row in self.of(model) if row[quantity] is not None]
         if not known:
             return Trend(model, {}, quantity, None, None, f"{what} cannot be compared at any width.")
-        width, error = known[-1]
-        above, order = fitted(known, floor)
-        if error <= floor and len(above) < 2:
-            return Trend(model, {}, quantity, None, True, f"{what} is not more than rounding at {width:g}.")
-        if order is None:
-            text = f"{what} is {error:.3g} at {width:g}, one width only."
-            return Trend(model, {}, quantity, None, None, text)
-        if order > SLOWEST:
-            text = f"{what} goes to 0 like width^{order:.2f}; {error:.2g} at width {width:.3g}."
-            return Trend(model, {}, quantity, order, True, text)
-        (first, most), (last, least) = above[0], above[-1]
-        ends = f"{most:.3g} at width {first:g}, {least:.3g} at width {last:g}"
-        text = f"{what} does NOT go to 0 at these widths: {ends}."
-        return Trend(model, {}, quantity, order, False, text)
+        order, vanishes, text = tended(known, floor)
+        return Trend(model, {}, quantity, order, vanishes, f"{what} {text}")
 
     def __str__(self) -> str:
         return self.to_text().rstrip()
