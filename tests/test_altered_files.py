@@ -65,3 +65,9 @@ def test_16_g_spacing_is_no_content(orbit: Any, tmp_path: Path) -> None:
     path = orbit.save(tmp_path / "made.json")
     path.write_text(json.dumps(json.loads(path.read_text()), indent=7, sort_keys=True))
     assert Orbit.load(path).period == orbit.period
+
+
+def test_an_orbit_with_a_tolerance_for_each_state_is_read_again(tmp_path: Path) -> None:
+    x, v = states("x v")
+    orbit = find_orbit(System({x: v, v: (1 - x**2) * v - x}), (2.0, 0.0), atol=[1e-12, 1e-13])
+    assert Orbit.load(orbit.save(tmp_path / "orbit.json")).atol == (1e-12, 1e-13)

@@ -174,7 +174,7 @@ class Comparison(Shown, Answering):
 
 
 def tended(known: Pairs, floor: float) -> tuple[float | None, bool | None, str]:
-    """The order of errors over widths, from the last FITTED above the floor; whether they vanish; in words."""
+    """The order of errors over widths, of the last FITTED above the floor; whether they vanish; in words."""
     above = [(width, error) for width, error in known if error > floor][-FITTED:]
     width, error = known[-1]
     if len(above) < 2 and error <= floor:

@@ -23,7 +23,7 @@ from filippov.base.arrays import Array
 from filippov.base.given import Axis, Count, Interval, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.base.shown import Shown
+from filippov.base.told import Told
 from filippov.plot.style import axis_labels, coordinate_labels
 
 CHUNK = 20_000
@@ -31,7 +31,7 @@ UNKNOWN, OUTSIDE, LOST = -1, -2, -3
 
 
 @dataclass(frozen=True)
-class Basin(Shown):
+class Basin(Told):
     """Labels over a plane of initial states, shape (len(y), len(x)).
 
     names       of the two states; x, y: their values; at: the others
@@ -43,6 +43,9 @@ class Basin(Shown):
     complete    False where the computation was interrupted
     parameters  values by name; labels: of the axes and of d, with units
     """
+
+    _also = ("shares",)
+    _untold = ("x", "y", "label", "d")
 
     names: tuple[str, str]
     x: Array
@@ -71,11 +74,7 @@ class Basin(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """What it is and the shares, without the arrays."""
-        return {
-            "parameters": dict(self.parameters), "names": list(self.names), "at": self.at,
-            "attractors": list(self.attractors),
-            "shares": self.shares, "shape": list(self.label.shape), "complete": self.complete,
-        }  # fmt: skip
+        return super().to_dict() | {"shape": list(self.label.shape)}
 
 
 @keywords()

@@ -20,7 +20,7 @@ from filippov.base.arrays import Array
 from filippov.base.given import Count, Natural, Positive, as_float, shown
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.base.shown import Shown
+from filippov.base.told import Told
 from filippov.plot.style import axis_label, coordinate_labels
 
 REST = 1e-8
@@ -29,7 +29,7 @@ NOISE = 10.0
 
 
 @dataclass(frozen=True)
-class BruteForce(Shown):
+class BruteForce(Told):
     """Iterates of the map after a transient.
 
     parameter, values   what is varied, (k,)
@@ -53,14 +53,6 @@ class BruteForce(Shown):
     section: Section | Stroboscope | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, str] = field(default_factory=dict)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            "parameter": self.parameter, "parameters": dict(self.parameters), "values": self.values.tolist(),
-            "d": self.d.tolist(), "period": self.period.tolist(), "complete": self.complete,
-            "section": None if self.section is None else self.section.to_dict(), "notes": list(self.notes),
-        }  # fmt: skip
 
     def __str__(self) -> str:
         lines = []

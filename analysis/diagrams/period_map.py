@@ -20,14 +20,14 @@ from filippov.base.arrays import Array, Whole
 from filippov.base.given import Axis, Count, Natural, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.base.shown import Shown
+from filippov.base.told import Told
 from filippov.plot.style import axis_labels
 
 UNKNOWN = -1
 
 
 @dataclass(frozen=True)
-class PeriodMap(Shown):
+class PeriodMap(Told):
     """Cells over two parameters; arrays have shape (len(y), len(x)).
 
     names       of the parameters; x, y: their values
@@ -49,14 +49,6 @@ class PeriodMap(Shown):
     complete: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, str] = field(default_factory=dict)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            "names": list(self.names), "x": self.x.tolist(), "y": self.y.tolist(),
-            "period": self.period.tolist(), "d": self.d.tolist(), "notes": [list(row) for row in self.notes],
-            "section": self.section.to_dict(), "complete": self.complete, "parameters": dict(self.parameters),
-        }  # fmt: skip
 
     def __str__(self) -> str:
         lines = []

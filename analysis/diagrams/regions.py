@@ -26,7 +26,7 @@ from filippov.base.arrays import Array, Whole
 from filippov.base.given import Axis, Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.base.shown import Shown
+from filippov.base.told import Told
 from filippov.plot.style import axis_labels
 from filippov.sweep.rows import ERROR
 from filippov.sweep.run import run
@@ -38,7 +38,7 @@ _VERDICTS = np.array(GROWTHS)
 
 
 @dataclass(frozen=True)
-class Regions(Shown):
+class Regions(Told):
     """Cells over two parameters; arrays have shape (len(y), len(x)).
 
     names          of the parameters; x, y: their values
@@ -52,6 +52,8 @@ class Regions(Shown):
     complete       False where the computation was interrupted
     parameters     the values of all others; labels: of the axes, with units
     """
+
+    _also = ("set_stable",)
 
     names: tuple[str, str]
     x: Array
@@ -74,14 +76,8 @@ class Regions(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """The map as plain data."""
-        return {
-            "names": list(self.names), "x": self.x.tolist(), "y": self.y.tolist(),
-            "cycles": self.cycles.tolist(), "stable": self.stable.tolist(),
-            "undecided": self.undecided.tolist(), "set_stable": self.set_stable.tolist(),
-            "set_verdict": self.set_verdict.tolist(), "amplitude": self.amplitude.tolist(),
-            "lost": self.lost.tolist(), "complete": self.complete, "parameters": dict(self.parameters),
-            "borders": [{"name": name, "points": points.tolist()} for name, points in self.borders],
-        }  # fmt: skip
+        borders = [{"name": name, "points": points.tolist()} for name, points in self.borders]
+        return super().to_dict() | {"borders": borders}
 
     def __str__(self) -> str:
         x, y = self.names

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
@@ -34,13 +33,13 @@ from filippov.base.escape import figure_text
 from filippov.base.given import Count, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.base.shown import Shown
+from filippov.base.told import Told
 
 HOLDS = ("auto", "cubic", "first", "zero")
 
 
 @dataclass(frozen=True)
-class Identified(Shown):
+class Identified(Told):
     """Estimated parameters.
 
     values       estimate by name; errors: standard errors; intervals: at `level`, by Student's t
@@ -56,6 +55,8 @@ class Identified(Shown):
     fixed        values that were given
     labels       of "t", "x", "v" and "force", with the units of the system, for figures
     """
+
+    _untold = ("t", "measured", "fitted")
 
     values: dict[str, float]
     errors: dict[str, float]
@@ -80,16 +81,6 @@ class Identified(Shown):
     def residual(self) -> Array:
         """measured - fitted."""
         return self.measured - self.fitted
-
-    def to_dict(self) -> dict[str, Any]:
-        """The estimate as plain data."""
-        return {
-            "fixed": dict(self.fixed), "values": self.values, "errors": self.errors,
-            "intervals": {name: list(pair) for name, pair in self.intervals.items()},
-            "covariance": self.covariance.tolist(), "level": self.level, "sigma": self.sigma,
-            "degrees": self.degrees, "success": self.success, "message": self.message, "hold": self.hold,
-            "rho": self.rho, "tests": self.tests, "refused": self.refused,
-        }  # fmt: skip
 
     def __str__(self) -> str:
         rows = [

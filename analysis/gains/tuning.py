@@ -8,7 +8,7 @@ gain may be multiplied or divided by any factor up to s, in any combination, wit
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from filippov.base.arrays import Array
 from filippov.base.given import Count, Interval, Natural
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.base.shown import Shown
+from filippov.base.told import Told
 
 ROUNDS, BISECTIONS, SHELL = 32, 8, 16
 # A box is looked for while it may be larger than the best by this share of its half-width.
@@ -46,7 +46,7 @@ class GainLimit:
 
 
 @dataclass(frozen=True)
-class Tuning(Shown):
+class Tuning(Told):
     """What `tune` found.
 
     names      the gains; gains: samples (k, g); ratio: rho of each, the largest over the band
@@ -60,6 +60,8 @@ class Tuning(Shown):
     complete   False where the search was interrupted
     parameters the values of all others; ranges: of the gains; band: sets of values that all have to be free
     """
+
+    _untold = ("names", "gains", "ratio")
 
     names: tuple[str, ...]
     gains: Array
@@ -78,13 +80,7 @@ class Tuning(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """The answer as plain data, without the samples."""
-        return {
-            "parameters": dict(self.parameters), "ranges": {k: list(v) for k, v in self.ranges.items()},
-            "band": [dict(values) for values in self.band],
-            "best": self.best, "margin": self.margin, "best_ratio": self.best_ratio, "share": self.share,
-            "limits": [asdict(limit) for limit in self.limits], "reason": self.reason, "lost": self.lost,
-            "samples": len(self.ratio), "complete": self.complete,
-        }  # fmt: skip
+        return super().to_dict() | {"samples": len(self.ratio)}
 
     def __str__(self) -> str:
         if self.best is None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from filippov import System, UsageError
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.base.arrays import Array
-from filippov.base.shown import Shown
+from filippov.base.told import Told
 
 AttractorKind = Literal["equilibrium", "equilibrium set", "periodic", "chaotic", "aperiodic"]
 # Points of a period between which an autonomous orbit is taken for straight.
@@ -21,7 +21,7 @@ _STABLE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Attractor(Shown):
+class Attractor(Told):
     """A set that attracts solutions.
 
     kind         "equilibrium"; "equilibrium set": connected, such as the states in which friction holds;
@@ -40,6 +40,9 @@ class Attractor(Shown):
     orbit        the periodic orbit
     note         further remarks
     """
+
+    _also = ("stable",)
+    _untold = ("curve", "cells")
 
     kind: AttractorKind
     states: Array
@@ -98,16 +101,6 @@ class Attractor(Shown):
             share = np.clip(np.sum((y - a) * along, axis=1) / square, 0.0, 1.0)
             out = np.minimum(out, np.linalg.norm(y - a - share[:, None] * along, axis=1))
         return out
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data: numbers, text, lists and dicts; complex numbers as [re, im]."""
-        return {
-            "kind": self.kind, "states": self.states.tolist(), "period": self.period,
-            "duration": self.duration, "multipliers": [[v.real, v.imag] for v in self.multipliers.tolist()],
-            "exponent": list(self.exponent), "stable": self.stable, "low": self.low.tolist(),
-            "high": self.high.tolist(), "orbit": None if self.orbit is None else self.orbit.to_dict(),
-            "note": self.note,
-        }  # fmt: skip
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], system: System) -> Attractor:

@@ -37,7 +37,7 @@ from filippov.base.arrays import Array
 from filippov.base.given import Count, Natural, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.base.shown import Shown
+from filippov.base.told import Told
 from filippov.io.stored_system import system_data
 
 FORMAT, VERSION = "filippov attractors", 1
@@ -51,7 +51,7 @@ SHIFT = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Attractors(Shown):
+class Attractors(Told):
     """What was found in a box.
 
     attractors  largest share first; unstable: equilibria and orbits on which some states stay, but which do
@@ -69,6 +69,8 @@ class Attractors(Shown):
     iterates    of the map that were done; failures: solutions that failed by status
     complete    False where it was interrupted
     """
+
+    _untold = ("system",)
 
     system: System
     parameters: Mapping[str, float]
@@ -139,20 +141,8 @@ class Attractors(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data: numbers, text, lists and dicts."""
-        return {
-            "parameters": dict(self.parameters), "box": {k: list(v) for k, v in self.box.items()},
-            "attractors": [one.to_dict() for one in self.attractors],
-            "unstable": [one.to_dict() for one in self.unstable],
-            "shares": [
-                {"label": label, "share": share, "error": error}
-                for label, (share, error) in self.shares.items()
-            ],
-            "states": self.states.tolist(), "label": self.label.tolist(), "moved": self.moved,
-            "names": None if self.names is None else list(self.names), "x": self.x.tolist(),
-            "y": self.y.tolist(), "picture": self.picture.tolist(), "at": dict(self.at), "kind": self.kind,
-            "duration": self.duration, "iterates": self.iterates, "failures": dict(self.failures),
-            "complete": self.complete,
-        }  # fmt: skip
+        shares = [{"label": k, "share": part, "error": error} for k, (part, error) in self.shares.items()]
+        return super().to_dict() | {"shares": shares}
 
     def save(self, path: str | Path) -> Path:
         """Write it as JSON, with the system where that is symbolic."""

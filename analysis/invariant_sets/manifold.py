@@ -25,8 +25,8 @@ from filippov.analysis.orbits.saddle import Saddle, Side, saddle
 from filippov.base.arrays import Array
 from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
-from filippov.base.shown import Shown
 from filippov.base.status import Status, mode_text
+from filippov.base.told import Told
 
 OFFSET = 1e-6
 INSIDE, CHUNKS, DOUBLED = 8, 400, 6
@@ -46,7 +46,7 @@ class ManifoldBranch:
 
 
 @dataclass(frozen=True, eq=False)
-class Manifold(Shown):
+class Manifold(Told):
     """A stable or unstable manifold.
 
     side      "stable" or "unstable"; of: "saddle", "pseudo-saddle" or "orbit"
@@ -55,6 +55,8 @@ class Manifold(Shown):
               pseudo-saddle, or leave it, across its surface in finite time
     branches  its sides
     """
+
+    _untold = ("system",)
 
     system: System
     parameters: Mapping[str, float]
@@ -82,11 +84,7 @@ class Manifold(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data: numbers, text, lists and dicts."""
-        return {
-            "side": self.side, "of": self.of, "states": list(self.system.states),
-            "parameters": dict(self.parameters), "x": self.x.tolist(), "value": self.value,
-            "branches": [{"x": b.x.tolist(), "length": b.length, "ended": b.ended} for b in self.branches],
-        }  # fmt: skip
+        return super().to_dict() | {"states": list(self.system.states)}
 
     def save(self, path: str | Path) -> Path:
         """Write it as JSON."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ from filippov.analysis.maps.map_units import finer, map_units
 from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.base.arrays import Array, Whole
-from filippov.base.shown import Shown
+from filippov.base.told import Told
 
 if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ScalarMap
@@ -46,7 +46,7 @@ _REACH = 1e-4
 
 
 @dataclass(frozen=True)
-class FixedPoint(Shown):
+class FixedPoint(Told):
     """A fixed point of a map.
 
     d         coordinate; residual: |R(d) - d| there
@@ -64,6 +64,8 @@ class FixedPoint(Shown):
     note      what is special
     """
 
+    _also = ("stable",)
+
     d: float
     kind: str
     slope: float
@@ -73,15 +75,6 @@ class FixedPoint(Shown):
     note: str = ""
     hidden: float = 0.0
     rests: tuple[float, float] | None = field(default=None, repr=False)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            "d": float(self.d), "kind": self.kind, "slope": float(self.slope), "stable": bool(self.stable),
-            "verdict": self.verdict, "residual": float(self.residual), "period": float(self.period),
-            "note": self.note, "hidden": float(self.hidden),
-            "rests": None if self.rests is None else [float(v) for v in self.rests],
-        }  # fmt: skip
 
     def apart(self, d: float) -> float:
         """How far a coordinate is from it; 0 on an interval of rests."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,8 @@ from filippov.analysis.orbits.shooting import Shooting
 from filippov.base.arrays import Array, Complex
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
-from filippov.base.shown import Shown
 from filippov.base.status import EventKind, mode_text
+from filippov.base.told import Told
 from filippov.graphs.word import word_of
 from filippov.io.stored_system import system_data, system_of
 from filippov.solving.state.events import Event, Mode
@@ -33,7 +33,7 @@ _AT_NODE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Orbit(Shown, Answering):
+class Orbit(Told, Answering):
     """A limit cycle, or a periodic solution of a forced system.
 
     system, parameters  what it is an orbit of; parameters by name
@@ -56,6 +56,9 @@ class Orbit(Shown, Answering):
     symmetric      x(t + T/2) = -x(t)
     residual       largest residual of the equations of the orbit
     """
+
+    _also = ("verdict", "stable", "amplitude")
+    _untold = ("system", "problem", "unknowns", "solutions")
 
     system: System
     parameters: Mapping[str, float]
@@ -141,27 +144,15 @@ class Orbit(Shown, Answering):
         size = f"largest |multiplier| {largest:.6g}"
         return f"Orbit({self.verdict}, period {self.period:.12g}, {size}, {self.word!r})"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data: numbers, text, lists and dicts; complex numbers as [re, im]."""
-        return {
-            "parameters": dict(self.parameters), "x0": self.x0.tolist(), "t0": self.t0, "period": self.period,
-            "multipliers": _pairs(self.multipliers),
-            "trivial": None if self.trivial is None else [self.trivial.real, self.trivial.imag],
-            "half_multipliers": None if self.half_multipliers is None else _pairs(self.half_multipliers),
-            "word": self.word, "modes": list(self.modes),
-            "low": self.low.tolist(), "high": self.high.tolist(),
-            "amplitude": self.amplitude, "stable": self.stable, "verdict": self.verdict,
-            "margin": asdict(self.margin), "symmetric": self.symmetric, "residual": self.residual,
-            "forced": self.forced, "rtol": self.rtol, "atol": self.atol, "method": self.method,
-        }  # fmt: skip
-
     @classmethod
     @keywords()
     def from_dict(cls, data: Mapping[str, Any], system: System) -> Orbit:
         """The orbit that `to_dict` described. Raises UsageError for data that do not describe one."""
         try:
             keep: dict[str, Any] = {k: data[k] for k in ("word", "symmetric", "forced", "method")}
-            keep |= {k: float(data[k]) for k in ("t0", "period", "residual", "rtol", "atol")}
+            keep |= {k: float(data[k]) for k in ("t0", "period", "residual", "rtol")}
+            atol = data["atol"]
+            keep["atol"] = tuple(map(float, atol)) if isinstance(atol, list | tuple) else float(atol)
             if not 0 < keep["period"] < np.inf:
                 raise ValueError(f"period is {keep['period']}")
             return cls(

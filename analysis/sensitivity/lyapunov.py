@@ -19,7 +19,7 @@ from filippov.analysis.sensitivity.carried_basis import CarriedBasis
 from filippov.base.arrays import Array
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
-from filippov.base.shown import Shown
+from filippov.base.told import Told
 from filippov.plot.style import time_unit
 from filippov.solving.state.options import Options, check_state
 
@@ -29,7 +29,7 @@ _STEPS, _MOST = 1000, 64
 
 
 @dataclass(frozen=True)
-class Lyapunov(Shown):
+class Lyapunov(Told):
     """Exponents [1/time], largest first.
 
     exponents  (k,), -inf where rank is lost in sliding or in a reset
@@ -39,6 +39,8 @@ class Lyapunov(Shown):
     message    how the run ended, "" for as planned; interrupted: by Ctrl-C
     parameters values by name; labels: of the axes, "t" and "exponents"
     """
+
+    _untold = ("running", "interrupted")
 
     exponents: Array
     error: Array
@@ -52,11 +54,7 @@ class Lyapunov(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, without the estimates on the way; t: from when to when they are taken."""
-        return {
-            "parameters": dict(self.parameters), "exponents": self.exponents.tolist(),
-            "error": self.error.tolist(), "t": [float(self.t[0]), float(self.t[-1])],
-            "skipped": self.skipped, "message": self.message,
-        }  # fmt: skip
+        return super().to_dict() | {"t": [float(self.t[0]), float(self.t[-1])]}
 
     def __str__(self) -> str:
         rows = [f"{v:.6g} +- {e:.2g}" for v, e in zip(self.exponents, self.error, strict=True)]

@@ -1,0 +1,41 @@
+"""Results as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any, ClassVar
+
+from filippov.base.shown import Shown
+
+
+class Told(Shown):
+    """A dataclass whose fields `to_dict` tells, and `_also`; not `_untold`, nor the labels of its figures."""
+
+    __slots__ = ()
+    _also: ClassVar[tuple[str, ...]] = ()
+    _untold: ClassVar[tuple[str, ...]] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data: numbers, text, lists and dicts; complex numbers as [re, im]."""
+        names = [name for name in _names(self) if name not in ("labels", *self._untold)]
+        return {name: plain(getattr(self, name)) for name in (*names, *self._also)}
+
+
+def plain(value: Any) -> Any:
+    """A value, with what is in it, as plain data."""
+    if hasattr(value, "to_dict"):
+        return value.to_dict()
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, complex):
+        return [value.real, value.imag]
+    if isinstance(value, Mapping):
+        return {name: plain(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return {name: plain(getattr(value, name)) for name in _names(value)} if is_dataclass(value) else value
+
+
+def _names(one: Any) -> list[str]:
+    return [field.name for field in fields(one)]
