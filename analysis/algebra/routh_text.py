@@ -11,6 +11,7 @@ import sympy
 from filippov.analysis.algebra.number_text import LONGEST, Printer
 from filippov.analysis.algebra.routh_array import Special
 from filippov.analysis.algebra.routh_result import RouthResult
+from filippov.base.told import plain_data
 
 Formula = Callable[[Any], str]
 WIDEST_TABLE = 140
@@ -75,7 +76,6 @@ def latex(result: RouthResult, tex: Formula = sympy.latex) -> str:
 
 def as_dict(result: RouthResult) -> dict[str, Any]:
     """Expressions as strings, counts as numbers."""
-    counts = result.counts
     return {
         "variable": str(result.s),
         "coefficients": [str(c) for c in result.coefficients],
@@ -87,14 +87,7 @@ def as_dict(result: RouthResult) -> dict[str, Any]:
             {"kind": x.kind, "power": x.power, "auxiliary": None if x.auxiliary is None else str(x.auxiliary)}
             for x in result.special
         ],
-        "counts": None
-        if counts is None
-        else {
-            "rhp": counts.rhp,
-            "axis": counts.axis,
-            "lhp": counts.lhp,
-            "axis_multiplicities": [list(pair) for pair in counts.axis_multiplicities],
-        },
+        "counts": plain_data(result.counts),
         "verdict": result.verdict.value if result.verdict else None,
         "cases": [
             {"condition": _relation(c.condition), "reduced": as_dict(c.reduced) if c.reduced else None}

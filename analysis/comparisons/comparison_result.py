@@ -51,6 +51,10 @@ class Trend:
         """Model and options as text."""
         return label(self.model, self.options)
 
+    def told(self) -> dict[str, Any]:
+        """Its fields, with an entry for each option."""
+        return {key: value for key, value in vars(self).items() if key != "options"} | {**self.options}
+
 
 @dataclass(frozen=True)
 class Comparison(Shown, Answering):
@@ -149,17 +153,11 @@ class Comparison(Shown, Answering):
 
     def to_dict(self) -> dict[str, Any]:
         """Rows and trends, as JSON takes them."""
-        trends = [
-            {
-                "model": trend.model, **trend.options, "quantity": trend.quantity, "order": trend.order,
-                "vanishes": trend.vanishes, "sentence": trend.sentence,
-            }
-            for trend in self.trends
-        ]  # fmt: skip
         return {
             "parameters": dict(self.parameters), "coordinate": str(self.coordinate),
             "coordinates": list(self.coordinates), "fixed_points": [q.to_dict() for q in self.points],
-            "rtol": self.rtol, "rows": [dict(row) for row in self.rows], "trends": trends,
+            "rtol": self.rtol, "rows": [dict(row) for row in self.rows],
+            "trends": [trend.told() for trend in self.trends],
         }  # fmt: skip
 
     def to_json(self) -> str:

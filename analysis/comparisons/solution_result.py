@@ -156,10 +156,7 @@ class SolutionComparison(Shown, Answering):
         return {
             "parameters": dict(problem.parameters), "x0": problem.x0.tolist(), "t_span": list(problem.t_span),
             "rows": [dict(row) for row in self.rows],
-            "trends": [
-                {"model": q.model, "quantity": q.quantity, "order": q.order, "vanishes": q.vanishes,
-                 "sentence": q.sentence} for q in self.trends
-            ],
+            "trends": [trend.told() for trend in self.trends],
             "faults": list(self.faults), "left": list(self.left),
             "needed": [vars(item) | {"sentence": item.sentence} for item in self.needed],
         }  # fmt: skip

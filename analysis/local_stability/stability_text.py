@@ -22,6 +22,7 @@ from filippov.analysis.local_stability.stability_result import (
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Stopped
 from filippov.base.escape import latex, markdown, printable
 from filippov.base.json_text import json_text
+from filippov.base.told import plain_data
 
 
 @dataclass(frozen=True)
@@ -349,7 +350,7 @@ def _item_dict(item: EquilibriumStability) -> dict[str, Any]:
         "solved": None if item.solved is None else _solved_dict(item.solved),
         "stability": item.answer,
         "together": list(item.together),
-        "statements": [_statement_dict(s) for s in item.statements],
+        "statements": plain_data(item.statements),
     }
     return out
 
@@ -368,7 +369,7 @@ def _case_dict(case: SlipCase) -> dict[str, Any]:
         "return_map": [{"outcome": m.outcome, "kappa": _finite(m.kappa)} for m in case.maps],
         "solved": None if case.solved is None else _solved_dict(case.solved),
         "stability": case.answer,
-        "statements": [_statement_dict(s) for s in case.statements],
+        "statements": plain_data(case.statements),
     }
 
 
@@ -379,10 +380,6 @@ def _solved_dict(solved: Solved) -> dict[str, Any]:
         "numeric": _plain(solved.numeric),
         "threshold": list(solved.threshold),
     }
-
-
-def _statement_dict(statement: Statement) -> dict[str, str]:
-    return {"text": statement.text, "source": statement.source}
 
 
 def _finite(value: float) -> float | None:

@@ -33,6 +33,7 @@ from filippov.base.keywords import keywords
 from filippov.base.names import Answering
 from filippov.base.shown import Shown
 from filippov.base.status import Status, mode_text
+from filippov.base.told import plain_data
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -89,22 +90,7 @@ class Diagnosis(Shown, Answering):
         return {
             "name": self.name, "file": self.file, "smooth": self.smooth, "code": self.code,
             "compared": self.compared,
-            "switches": [
-                {
-                    "surface": s.surface, "kind": s.kind, "slides": s.slides,
-                    "sites": [
-                        {"line": q.line, "file": q.file, "text": q.text, "kind": q.kind} for q in s.sites
-                    ],
-                }
-                for s in self.switches
-            ],
-            "findings": [
-                {
-                    "kind": f.kind, "sentence": f.sentence, "surface": f.surface, "t": f.t,
-                    "lines": list(f.lines),
-                }
-                for f in self.findings
-            ],
+            "switches": plain_data(self.switches), "findings": plain_data(self.findings),
             "scipy": {
                 "method": run.method, "rtol": run.rtol, "atol": run.atol, "steps": run.steps,
                 "field_calls": run.nfev,

@@ -9,6 +9,7 @@ from typing import Any
 from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
+from filippov.base.told import Told
 
 
 class ReadingError(ModelError):
@@ -24,7 +25,7 @@ class Again(Exception):  # noqa: N818
 
 
 @dataclass(frozen=True)
-class Site:
+class Site(Told):
     """A place in the source where the program switches.
 
     line, file, text   where, and what stands there
@@ -32,6 +33,8 @@ class Site:
                        float equals another, "time" where nothing but time decides
     h                  the switching function, one expression; None where it is not one
     """
+
+    _untold = ("h",)
 
     line: int
     file: str

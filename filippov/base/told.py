@@ -19,10 +19,10 @@ class Told(Shown):
     def to_dict(self) -> dict[str, Any]:
         """Plain data: numbers, text, lists and dicts; complex numbers as [re, im]."""
         names = [name for name in _names(self) if name not in ("labels", *self._untold)]
-        return {name: plain(getattr(self, name)) for name in (*names, *self._also)}
+        return {name: plain_data(getattr(self, name)) for name in (*names, *self._also)}
 
 
-def plain(value: Any) -> Any:
+def plain_data(value: Any) -> Any:
     """A value, with what is in it, as plain data."""
     if hasattr(value, "to_dict"):
         return value.to_dict()
@@ -31,10 +31,12 @@ def plain(value: Any) -> Any:
     if isinstance(value, complex):
         return [value.real, value.imag]
     if isinstance(value, Mapping):
-        return {name: plain(item) for name, item in value.items()}
+        return {name: plain_data(item) for name, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    return {name: plain(getattr(value, name)) for name in _names(value)} if is_dataclass(value) else value
+        return [plain_data(item) for item in value]
+    if is_dataclass(value):
+        return {name: plain_data(getattr(value, name)) for name in _names(value)}
+    return value
 
 
 def _names(one: Any) -> list[str]:
