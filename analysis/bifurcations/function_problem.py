@@ -6,14 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.growth import by_eigenvalues
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.orbits.shooting import NoConvergenceError
-
-Array = npt.NDArray[np.float64]
+from filippov.base.arrays import Array
 
 
 class FunctionProblem:

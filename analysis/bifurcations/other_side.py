@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from filippov import UsageError, solve
 from filippov.analysis.bifurcations.border_normal_form import TOUCHED, grazed_surface
@@ -23,8 +22,8 @@ from filippov.analysis.bifurcations.corrector import FAILURES, Along
 from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS, contacts
 from filippov.analysis.bifurcations.tangency import nearest, tangencies
 from filippov.analysis.sensitivity.variation import signs_at
+from filippov.base.arrays import Array
 
-Array = npt.NDArray[np.float64]
 # Distances from the end of a branch at which the other one is looked for, and those at which its derivatives
 # are read: the depth of an impact goes as the square of the distance. A point found is no farther than this.
 _LENGTHS = (

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known, unknown
@@ -20,7 +20,6 @@ from filippov.solving.segments import Segment
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = npt.NDArray[np.float64]
 # Samples over a period.
 _POINTS = 1000
 

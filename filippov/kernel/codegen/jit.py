@@ -10,11 +10,6 @@ from functools import cache
 from types import BuiltinFunctionType, FunctionType, ModuleType
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-Array = npt.NDArray[np.float64]
-
 # Returned by the compiled field where the plain one must be called.
 ASK = 2
 # Functions of math that raise where the functions of C return infinities or NaN.

@@ -12,13 +12,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError
 from filippov.kernel.derivative.difference import slope
 from filippov.model.surface import Surface
 
-Array = npt.NDArray[np.float64]
 Function = Callable[[float, Array], Array]
 OPEN_END = 1e300
 # Relative to the states: the distance off rest at which the reset is evaluated; a change that counts as none.

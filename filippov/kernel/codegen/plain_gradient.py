@@ -6,14 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.kernel.derivative.difference import local_slope, slope
 from filippov.kernel.derivative.exact import Exact, along
 from filippov.kernel.derivative.overloaded import overloaded
 from filippov.model.surface import Surface
-
-Array = npt.NDArray[np.float64]
 
 
 class PlainGradients:

@@ -7,13 +7,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError
 from filippov.kernel.codegen.jit import ASK, CompiledField, NotCompiledError, compile_field
 from filippov.kernel.codegen.purity import Purity, purity
-
-Array = npt.NDArray[np.float64]
 
 # Compiling a field takes about a second, the time of this many callbacks.
 COMPILE_AFTER = 100_000

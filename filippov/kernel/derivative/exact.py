@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.kernel.derivative.dual import Dual
 
-Array = npt.NDArray[np.float64]
 Function = Callable[[Any], Any]
 # Values of the two forms of a function that are equal but for rounding, relative to the terms of the value.
 EQUAL = 1e-12

@@ -5,9 +5,9 @@ PAIR -+ i SPIN; with Z = (TO_Z x I) W Newton's matrices decouple into a real and
 """
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from filippov.base.arrays import Array
+
 _ROOT = 6.0**0.5
 
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.status import EventKind, Status, mode_text
 from filippov.solving.solution import Solution
 from filippov.solving.state.event_log import EventLog
@@ -20,7 +20,6 @@ from filippov.solving.state.problem import Problem
 from filippov.solving.stepping import box_kernels, step_kernels
 from filippov.solving.stepping.unit import generated, steps
 
-Array = npt.NDArray[np.float64]
 THETA = 0.5
 CHUNK, KEPT = 4096, 64
 NOTE = "known to within a step"
