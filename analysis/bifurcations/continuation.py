@@ -202,12 +202,15 @@ class Continuation(Shown):
         if (branch.parameter, branch.kind) != (mine.parameter, mine.kind):
             raise UsageError(
                 f"the branch to resume follows a {branch.kind} over {branch.parameter!r}, this one a "
-                f"{mine.kind} over {mine.parameter!r}."
+                f"{mine.kind} over {mine.parameter!r}. Resume with what it was made with, or leave resume "
+                "out."
             )
         for name, number in mine.parameters.items():
             if branch.parameters.get(name) != number:
                 raise UsageError(
-                    f"the branch to resume has {name} = {branch.parameters.get(name)}, this one {number}."
+                    f"the branch to resume has {name} = {branch.parameters.get(name)}, this one {number}. "
+                    "Give it "
+                    f"the same values, or leave resume out."
                 )
         self._resumed = list(branch.points)
         self.branch.points = list(branch.points)

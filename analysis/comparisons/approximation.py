@@ -15,7 +15,7 @@ from filippov.model.bristles import BRISTLES, DAMPED
 from filippov.model.bristles import MODELS as FRICTION
 from filippov.model.comparator import Band, Comparator, Hysteresis, Karnopp, Smooth, Switch
 from filippov.model.comparators.stick_levels import modes_of_stick
-from filippov.model.friction_model import with_friction_model
+from filippov.model.friction_model import NO_SWITCHING, with_friction_model
 from filippov.solving.state.options import STEPPING
 from filippov.solving.stepping.plan import check_fits
 
@@ -189,7 +189,7 @@ def _switching(system: System) -> list[str]:
     """The names of its switching surfaces. Raises ModelError where there is none."""
     surfaces = [q.name for q in system.surfaces if q.kind == "switching"]
     if not surfaces:
-        raise ModelError("the system has no switching surface, so nothing can stand for one.")
+        raise ModelError(NO_SWITCHING)
     return surfaces
 
 

@@ -129,5 +129,9 @@ class Diagram(Shown):
     def cycles(self, value: float) -> list[FixedPoint]:
         """Limit cycles at one of the values."""
         if value not in self.values:
-            raise UsageError(f"the diagram has no value {value}; it has {list(self.values)}.")
+            nearest = min(self.values, key=lambda known: abs(known - value))
+            raise UsageError(
+                f"the diagram has no value {value}: take one of its {len(self.values)} values; the nearest "
+                f"is {nearest}."
+            )
         return [point for point in self.points[self.values.index(value)] if point.kind == "limit cycle"]

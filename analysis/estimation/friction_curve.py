@@ -70,7 +70,11 @@ def identify_curve(
     moving = curve.v != 0
     v, friction = curve.v[moving], curve.friction[moving]
     if v.size <= len(names) + 1:
-        raise UsageError(f"{v.size} points with v != 0 are too few for {len(names)} parameters.")
+        raise UsageError(
+            f"{v.size} points with v != 0 are too few for {len(names)} parameters: give {len(names) + 2} or "
+            "more, or "
+            "fix some of them: fixed={'beta': 2}."
+        )
     force = _force_function(system)
     base = system.parameters.resolve({**(fixed or {}), **(start or {})})
     places = [system.parameters.index(name) for name in names]

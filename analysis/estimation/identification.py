@@ -258,7 +258,7 @@ def check_names(
             raise UsageError(unknown("parameter", name, known))
     both = set(names) & set(fixed or {})
     if both:
-        raise UsageError(f"{', '.join(sorted(both))} cannot be both free and fixed.")
+        raise UsageError(f"{', '.join(sorted(both))} cannot be both free and fixed. Leave it out of one.")
     if hold not in HOLDS:
         raise UsageError(unknown("value of hold:", hold, HOLDS))
     return names

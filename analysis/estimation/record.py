@@ -93,7 +93,9 @@ def _columns(path: Path) -> dict[str, Array]:
         rows = csv.reader(lines)
         header = [_name(cell, path) for cell in next(rows, [])]
         if len(set(header)) != len(header):
-            raise UsageError(f"{path}: a column is there twice: {', '.join(header)}.")
+            raise UsageError(
+                f"{path}: a column is there twice: {', '.join(header)}. Leave one out, or rename it."
+            )
         table: list[list[float]] = []
         for number, row in enumerate(rows, 2):
             if not row:
@@ -108,9 +110,9 @@ def _columns(path: Path) -> dict[str, Array]:
             if len(table) > LARGEST:
                 raise UsageError(f"{path}: more than {LARGEST} rows; give fewer samples.")
     except FileNotFoundError:
-        raise UsageError(f"there is no file {str(path)!r}.") from None
+        raise UsageError(f"there is no file {str(path)!r}: give its path from the present folder.") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UsageError(f"{path}: cannot be read as CSV ({error}).") from None
+        raise UsageError(f"{path}: cannot be read as CSV ({error}). Save it as CSV in UTF-8.") from None
     if len(table) < LEAST:
         raise UsageError(f"{path}: {len(table)} rows of numbers, expected at least {LEAST} below a header.")
     return dict(zip(header, np.array(table).T, strict=True))

@@ -393,7 +393,7 @@ class _Search:
         speed = velocity_at(base.system, modes[0], begin, x[0], self.p, base.jacobian)
         size = float(np.linalg.norm(speed))
         if base.period is None and size == 0.0:
-            raise ReturnError(f"the guess {x[0].tolist()} is at rest.", None, begin)
+            raise ReturnError(f"the guess {x[0].tolist()} is at rest: take another.", None, begin)
         problem = replace(
             base, reference=x[0].copy(), velocity=speed / (size or 1.0), t0=begin if base.period else 0.0,
             unit=base.period(self.p) if base.period else 0.0,
@@ -455,7 +455,8 @@ class _Search:
             if rests(solution) or extent([solution]) <= 1e-8 * self.size:
                 raise ReturnError(
                     f"the solution comes to rest at state {np.array2string(solution.x_end, precision=6)}; t "
-                    f"reached {now + solution.t_end:.6g}.", solution, now + solution.t_end,
+                    f"reached {now + solution.t_end:.6g}. Give another guess.",
+                    solution, now + solution.t_end,
                 )  # fmt: skip
             for share in (0.0, 0.5):
                 found = self._return(solution, share * span)

@@ -407,7 +407,10 @@ def symmetry_matrix(given: Any, system: System) -> tuple[Array | None, int]:
         if np.allclose(power, np.eye(n), atol=1e-12):
             return (matrix, symmetry_order) if symmetry_order > 1 else (None, 1)
         power = power @ matrix
-    raise UsageError("symmetry: none of the first 12 powers of the matrix is the identity.")
+    raise UsageError(
+        "symmetry: none of the first 12 powers of the matrix is the identity. Give G with G^k = 1, for "
+        "x(t + T/k) = G x(t), or symmetry='odd'."
+    )
 
 
 def resolved(system: System, parameters: Mapping[str, float] | None) -> Array:

@@ -98,7 +98,9 @@ def lyapunov(
         run = solve(system, x, (t, t + transient), dense_output=False, **options)
         t, x = run.t_end, run.x_end
         if not run.success:
-            raise UsageError(f"the transient did not reach its end: {run.message}")
+            raise UsageError(
+                f"the transient did not reach its end: {run.message} Take a shorter one, or another x0."
+            )
     carried = CarriedBasis(np.linalg.qr(np.random.default_rng(0).standard_normal((n, k)))[0])
     logs: list[Array] = []
     times = [t]

@@ -60,7 +60,8 @@ def read_equations(equations: Any, states: Any) -> dict[Symbol, Expr]:
     for name in by_name:
         if name not in order:
             raise ModelError(
-                f"there is an equation for {name!r}, which states={' '.join(order)!r} does not name."
+                f"there is an equation for {name!r}, which states={' '.join(order)!r} does not name. Add it "
+                "there, or leave states out."
             )
     return {by_name[name]: out[by_name[name]] for name in order}
 
@@ -99,7 +100,9 @@ def read_modes(fields: Any, k: int, symbols: tuple[Symbol, ...]) -> dict[tuple[i
         ]
         for vector in itertools.product(*(signs[e] for e in entries)):
             if vector in out:
-                raise ModelError(f"fields holds the sign vector {_text(vector)!r} twice (by {key!r}).")
+                raise ModelError(
+                    f"fields holds the sign vector {_text(vector)!r} twice (by {key!r}): give it one field."
+                )
             out[vector] = exprs
     missing_modes = [_text(v) for v in itertools.product((1, -1), repeat=k) if v not in out]
     if missing_modes:

@@ -67,7 +67,9 @@ def _tree(text: str, what: str) -> ast.Expression:
         raise ModelError(f"{what} {text[:80]!r} is nested too deeply or has thousands of terms.") from None
     except (SyntaxError, ValueError):
         bars = " Write abs(u) for |u|." if "|" in text else ""
-        raise ModelError(f"cannot read the {what} {text[:80]!r}: it is not a formula.{bars}") from None
+        raise ModelError(
+            f"cannot read the {what} {text[:80]!r}: it is not a formula such as 2*sin(x) + v**2.{bars}"
+        ) from None
 
 
 _COMPARISONS: dict[type[ast.cmpop], Any] = {

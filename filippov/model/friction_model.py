@@ -19,6 +19,11 @@ from filippov.model.symbolic import Select, convex, lie_derivative
 from filippov.model.symbols import states, t
 from filippov.model.system import System
 
+NO_SWITCHING = (
+    "the system has no switching surface, so nothing can stand for one. Write what jumps with sign: "
+    "System({x: v, v: -x - mu*sign(v)})."
+)
+
 
 @keywords("keyword", error=ModelError)
 def with_friction_model(
@@ -148,9 +153,13 @@ def _place(system: System, surface: str | None) -> int:
         place = system.surface_index(surface)
         if place in able:
             return place
-        raise ModelError(f"surface {surface!r} does not switch the field: no friction stands on it.")
+        told = ", ".join(system.surfaces[k].name for k in able) or "(none)"
+        raise ModelError(
+            f"surface {surface!r} does not switch the field: no friction stands on it. Those that do: "
+            f"{told}."
+        )
     if not able:
-        raise ModelError("the system has no switching surface, so nothing can stand for one.")
+        raise ModelError(NO_SWITCHING)
     if len(able) > 1:
         names = ", ".join(system.surfaces[k].name for k in able)
         raise ModelError(f"the system has the switching surfaces {names}; say surface=... for one of them.")

@@ -186,7 +186,7 @@ def reset_pairs(value: Any, where: str) -> tuple[tuple[str, Expr], ...]:
         if not isinstance(name, str):
             raise ModelError(f"{where} holds the key {key!r}, expected a state or its name.")
         if name in out:
-            raise ModelError(f"{where} names the state {name!r} twice.")
+            raise ModelError(f"{where} names the state {name!r} twice, by name and by symbol. Leave one out.")
         out[name] = as_expression(after, f"{where} of {name!r}")
     return tuple(out.items())
 

@@ -83,7 +83,10 @@ class SurfaceTable:
         """Enter a surface of the user; ModelError if it cannot switch or equals one declared before."""
         where = f"surface {surface.name!r}"
         if not dynamic(h):
-            raise ModelError(f"{where}: h = {h} holds no state and no time, so its sign never changes.")
+            raise ModelError(
+                f"{where}: h = {h} holds no state and no time, so its sign never changes. Write h in them: "
+                "v - vb."
+            )
         if h.is_nonnegative or h.is_nonpositive:
             raise ModelError(
                 f"{where}: h = {h} never changes its sign, expected a function that does. "

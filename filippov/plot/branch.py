@@ -51,9 +51,13 @@ def plot_branches(
     """
     filled = [branch for branch in branches if branch.points]
     if not filled:
-        raise UsageError("there is no branch with points to draw.")
+        raise UsageError(
+            "there is no branch with points to draw: run the continuation first, continuation(...).run()."
+        )
     if names and len(names) != len(branches):
-        raise UsageError(f"names has {len(names)} entries for {len(branches)} branches.")
+        raise UsageError(
+            f"names has {len(names)} entries for {len(branches)} branches: give one for each, or none."
+        )
     check_known("label", labels or {}, ("parameter", "coordinate"), UsageError)
     wanted = coordinate or next(iter(filled[0].points[0].coordinates))
     own = getattr(filled[0], "labels", {})

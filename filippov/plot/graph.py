@@ -54,7 +54,10 @@ def plot_graph(
     without crossings if possible. Raises UsageError for an empty graph, ImportError without matplotlib.
     """
     if not graph:
-        raise UsageError("the graph has no modes, nothing can be drawn.")
+        raise UsageError(
+            "the graph has no modes to draw: give what possible_graph(system) or observed_graph(solution) "
+            "returned."
+        )
     many = len(graph) > MOST_MODES
     if many:
         graph, places, said = summary(graph)

@@ -24,7 +24,7 @@ from filippov.solving.selection.ambiguity import Ambiguity
 from filippov.solving.selection.modes import Successor
 from filippov.solving.state.event_log import EventLog
 from filippov.solving.state.events import Event, Events, Mode
-from filippov.solving.state.interpolant import Interpolant
+from filippov.solving.state.interpolant import Interpolant, outside
 from filippov.solving.state.options import Options
 from filippov.solving.state.problem import Problem
 
@@ -245,7 +245,7 @@ class Solution:
         """The mode at a time; at an event the one before it for "-", after it for "+"."""
         low, high = sorted((self.problem.t_span[0], self.t_end))
         if not low <= t <= high:
-            raise UsageError(f"mode_at was asked for t = {t}, outside the solved span [{low}, {high}].")
+            raise UsageError(outside("mode_at", t, low, high))
         first, last = (self.segments, reversed(self.segments))
         for segment in first if side == "-" else last:
             if min(segment.t0, segment.t1) <= t <= max(segment.t0, segment.t1):

@@ -25,6 +25,7 @@ from filippov.solving.selection.ambiguity import Ambiguity
 from filippov.solving.selection.modes import Successor
 from filippov.solving.solution import Solution
 from filippov.solving.state.events import Event, Events
+from filippov.solving.state.interpolant import outside
 from filippov.solving.state.problem import Problem
 
 if TYPE_CHECKING:
@@ -144,9 +145,7 @@ class Path(Shown):
         low, high = min(first, last), max(first, last)
         bad = ~((times >= low) & (times <= high))
         if np.any(bad):
-            raise UsageError(
-                f"sol was asked for t = {times[np.argmax(bad)]}, outside the solved span [{low}, {high}]."
-            )
+            raise UsageError(outside("sol", float(times[np.argmax(bad)]), low, high))
         columns = []
         for time in times.tolist():
             held = next(branch for branch in self.branches if branch.holds(time))
@@ -252,7 +251,12 @@ class SolutionTree(Shown):
                 rows.append(branch.solution.sol(float(t)))
                 numbers.append(branch.number)
         if not rows:
-            raise UsageError(f"reachable was asked for t = {t}, where no branch of the tree is.")
+            first, last = self.problem.t_span
+            raise UsageError(
+                f"reachable was asked for t = {t}, where no branch of the tree is: take a time between "
+                f"{first:g} and "
+                f"{last:g}, at which a solution goes on (tree.leaves() tells where each ends)."
+            )
         x = np.array(rows)
         direction = 1.0 if self.problem.t_span[1] >= self.problem.t_span[0] else -1.0
         complete = all((leaf.t1 - t) * direction >= 0 for leaf in self.leaves())

@@ -194,7 +194,7 @@ def engine_of(
     if executor == "dask":
         return Dask(work, scheduler, number)
     if scheduler is not None:
-        raise UsageError("scheduler belongs to executor='dask'.")
+        raise UsageError("scheduler belongs to executor='dask': add that, or leave scheduler out.")
     if context not in CONTEXTS:
         raise UsageError(unknown("context", context, CONTEXTS))
     return Processes(work, number, context, max_memory)

@@ -186,7 +186,8 @@ def read_measures(given: Any, system: System) -> tuple[Measure | Function, ...]:
         raise UsageError(f"measure is empty, expected at least one of {', '.join(NAMES)} or a function.")
     found = tuple(_read(item, system) for item in items)
     if len(set(found)) < len(found):
-        raise UsageError("a measure is asked for twice.")
+        twice = next(item for place, item in enumerate(items) if found[place] in found[:place])
+        raise UsageError(f"measure holds {getattr(twice, '__name__', twice)!r} twice. Leave one out.")
     return found
 
 

@@ -257,7 +257,9 @@ class Sweep:
         made = [name for measure in out for name in measure.columns(self.system)]
         twice = [name for name in made if made.count(name) > 1 or name in self.names]
         if twice:
-            raise UsageError(f"two measures (or a coordinate and a measure) are named {twice[0]!r}.")
+            raise UsageError(
+                f"two measures (or a coordinate and a measure) are named {twice[0]!r}. Rename one."
+            )
         return tuple(out)
 
 

@@ -48,7 +48,9 @@ def _draw(columns: Mapping[str, Array], samples: str, n: int, seed: int) -> Arra
     if seed < 0:
         raise UsageError(f"seed is {seed!r}, expected a whole number of at least 0.")
     if n > MOST:
-        raise UsageError(f"n is {n}, more than {MOST}.")
+        raise UsageError(
+            f"n is {n}, expected at most {MOST}: make several sweeps, each with a seed of its own."
+        )
     for name, column in columns.items():
         if len(column) != 2 or not column[0] < column[1]:
             raise UsageError(f"over: {name} is {column.tolist()}, expected (low, high) for {samples!r}.")

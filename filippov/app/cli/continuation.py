@@ -125,7 +125,9 @@ def _curves(follow: Any, settings: dict[str, Any], console: Console) -> list[Any
     if not settings["curve"]:
         return []
     if len(settings["curve"]) != 1:
-        raise UsageError(f"--curve takes one parameter, given {', '.join(settings['curve'])}.")
+        raise UsageError(
+            f"--curve takes one parameter, given {', '.join(settings['curve'])}: leave one of them."
+        )
     ((name, bounds),) = settings["curve"].items()
     from filippov.analysis.bifurcations.curve import curve
 

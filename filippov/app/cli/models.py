@@ -37,7 +37,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
 
 def _describe(name: str | None, console: Console) -> int:
     if name is None:
-        raise UsageError("which model? filippov models describe NAME")
+        raise UsageError("which model? write filippov models describe NAME; filippov models lists them.")
     loaded = load_model(name)
     system, model = loaded.system, loaded.model
     items = [system.parameters[key] for key in system.parameters]

@@ -38,7 +38,10 @@ def identified(path: str, known: tuple[str, ...]) -> tuple[dict[str, float], lis
             f"{path} is no identified.json of `filippov identify` ({type(error).__name__}: {error})."
         ) from None
     if not np.all(np.isfinite(covariance)):
-        raise UsageError(f"{path}: the covariance is not finite; the data do not determine every parameter.")
+        raise UsageError(
+            f"{path}: the covariance is not finite; the data do not determine every parameter. Fix some in "
+            "`filippov identify`: --fixed beta=2."
+        )
     sizes, axes = np.linalg.eigh(covariance[np.ix_(place, place)])
     ends = []
     for size, axis in zip(np.sqrt(np.maximum(sizes, 0.0)), axes.T, strict=True):

@@ -28,14 +28,18 @@ def read_columns(
         reader = csv.reader(lines)
         numbered = [(reader.line_num, row) for row in reader if row and not row[0].startswith("#")]
     except (OSError, ValueError, csv.Error) as error:
-        raise ModelError(f"{path}: cannot be read as text in columns: {error}.") from None
+        raise ModelError(
+            f"{path}: cannot be read as text in columns: {error}. Save it as CSV in UTF-8."
+        ) from None
     rows = [row for _, row in numbered]
     if not rows:
         raise ModelError(f"{path}: the file is empty, expected lines such as 0.0,1.5.")
     refuse_other_marks(path, rows)
     titles = [] if _numbers(rows[0]) is not None else [title.strip() for title in rows.pop(0)]
     if not rows:
-        raise ModelError(f"{path}: below its titles it has no rows of numbers.")
+        raise ModelError(
+            f"{path}: below its titles it has no rows of numbers, expected lines such as 0.0,1.5."
+        )
     places = []
     for place, given in enumerate(wanted):
         title = (preferred or {}).get(place)
@@ -45,12 +49,15 @@ def read_columns(
         if isinstance(column, str) and column not in titles:
             raise ModelError(f"{path}: {unknown('column', column, titles)}")
         if not isinstance(column, str) and column < 0:
-            raise ModelError(f"{path}: there is no column {column}; they are numbered from 0.")
+            raise ModelError(f"{path}: there is no column {column}: give its title, or its number from 0.")
         places.append(titles.index(column) if isinstance(column, str) else column)
     out: list[list[float]] = [[] for _ in wanted]
     count = len(titles or rows[0])
     if max(places) >= count:
-        raise ModelError(f"{path}: there is no column {max(places)}; it has {count}, numbered from 0.")
+        raise ModelError(
+            f"{path}: there is no column {max(places)}: it has {count}, so give a number from 0 to "
+            f"{count - 1}."
+        )
     for line, row in numbered[1:] if titles else numbered:
         values = _numbers([row[k] for k in places]) if max(places) < len(row) else None
         if values is None:

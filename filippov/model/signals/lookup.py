@@ -54,7 +54,12 @@ class Table:
                 "at least 2."
             )
         if not (np.all(np.isfinite(places)) and np.all(np.isfinite(values))):
-            raise ModelError("table: it holds a number that is not finite.")
+            k = int(np.argmin(np.isfinite(places) & np.isfinite(values)))
+            raise ModelError(
+                f"table: point {k} is ({places[k]}, {values[k]}), expected finite numbers. Leave out what "
+                "was not "
+                "measured."
+            )
         if np.any(np.diff(places) <= 0):
             k = int(np.argmax(np.diff(places) <= 0))
             raise ModelError(

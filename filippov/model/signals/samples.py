@@ -213,7 +213,10 @@ def _closed(t: Array, values: Array, kind: str, period: float, where: str) -> tu
             )
         t, values = t[:-1], values[:-1]
     if len(t) < (1 if kind == "hold" else 2):
-        raise ModelError(f"{where}: one period has too few samples.")
+        raise ModelError(
+            f"{where}: one period has {len(t)} samples, expected at least two in it, or one with "
+            "kind='hold'."
+        )
     return np.append(t, end), np.append(values, values[0])
 
 

@@ -12,6 +12,15 @@ from filippov.base.errors import UsageError
 from filippov.base.given import number_array
 
 
+def outside(what: str, t: float, low: float, high: float) -> str:
+    """The sentence on a time that a run does not cover."""
+    return (
+        f"{what} was asked for t = {t}, outside the solved span [{low}, {high}]: take a time within it, or "
+        "give "
+        "a longer t_span. Where the run ended early, its message says why."
+    )
+
+
 class Interpolant:
     """x(t) from the steps of a run, called as sol(t, side="-"): shape (n,) for a number, (n, k) for k times.
 
@@ -37,7 +46,7 @@ class Interpolant:
         bad = ~((t >= low) & (t <= high))
         if np.any(bad):
             value = t[np.argmax(bad)]
-            raise UsageError(f"sol was asked for t = {value}, outside the solved span [{low}, {high}].")
+            raise UsageError(outside("sol", value, low, high))
         where: Literal["left", "right"] = "left" if (side == "-") == (self.direction > 0) else "right"
         if self.direction > 0:
             index = np.searchsorted(self.start, t, side=where) - 1

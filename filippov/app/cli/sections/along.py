@@ -27,7 +27,9 @@ def varied(loaded: Loaded, settings: dict[str, Any]) -> tuple[str, float, float]
     if over and (parameter is not None or values is not None):
         raise UsageError("--over says what --parameter and --values say; give one or the other.")
     if len(over) > 1:
-        raise UsageError(f"--over takes one parameter, given {', '.join(over)}.")
+        raise UsageError(
+            f"--over takes one parameter here, given {', '.join(over)}: leave one. Two: filippov regions."
+        )
     name = next(iter(over), parameter)
     if name is None:
         raise UsageError(
