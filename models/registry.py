@@ -8,6 +8,7 @@ Names are known without importing any model.
 from __future__ import annotations
 
 import importlib
+import inspect
 import sys
 import traceback
 from collections.abc import Callable, Mapping
@@ -126,6 +127,27 @@ class SectionData:
     after: str = ""
 
 
+@dataclass(frozen=True)
+class Build:
+    """What makes the system of a model; keywords that it does not take are answered with UsageError."""
+
+    name: str
+    function: Callable[..., System]
+
+    def __call__(self, *args: Any, **given: Any) -> System:
+        """Return the System."""
+        form = inspect.signature(self.function)
+        try:
+            form.bind(*args, **given)
+        except TypeError as error:
+            known = ", ".join(form.parameters) or "no values"
+            raise UsageError(
+                f"build of the model {self.name!r}: {error}; it takes {known}. Values of the system's "
+                "parameters go to the run: solve(system, x0, t_span, parameters={'m': 2.0})."
+            ) from None
+        return self.function(*args, **given)
+
+
 @constructor(error=ModelError)
 @dataclass(frozen=True)
 class Model:
@@ -150,6 +172,10 @@ class Model:
     invariants: tuple[Invariant, ...] = ()
     section: SectionData | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.build, Build):
+            object.__setattr__(self, "build", Build(self.name, self.build))
 
 
 _models: dict[str, Model] = {}

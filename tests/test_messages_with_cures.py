@@ -22,17 +22,24 @@ from filippov import (
     parameters,
     sign,
     solve,
+    solve_many,
     states,
 )
 from filippov.analysis import (
     Curve,
+    Section,
+    basin,
     bifurcation,
     compare,
     continuation,
+    describing_function,
+    equilibria,
     find_orbit,
     identify_curve,
     lyapunov,
     read_record,
+    routh_hurwitz,
+    tune,
 )
 from filippov.app.cli.continuation import _curves
 from filippov.app.cli.main import main
@@ -48,6 +55,8 @@ MASS = System({x: v, v: -x - 0.2 * sign(v)}, surfaces=[Surface("v", v)])
 SMOOTH = System({x: v, v: -x})
 RUN = solve(MASS, (1.1, 0), (0, 2))
 TREE = solve(MASS, (1.1, 0), (0, 2), nonunique="branch")
+PID = get("hunting").build()
+SECTION = Section("velocity", "sliding entry", "x", {"x": "d", "v": "0", "z": "0"})
 SPEED = np.linspace(0.1, 1.0, 4)
 
 
@@ -134,7 +143,47 @@ MISTAKES: dict[str, tuple[Callable[[], object], str, str]] = {
         lambda: read_record("nowhere.csv"), "there is no file 'nowhere.csv'", "path from the present folder",
     ),
     "samples that are not there": (
-        lambda: Input.from_csv("r", "nowhere.csv"), "nowhere.csv", "Save it as CSV in UTF-8",
+        lambda: Input.from_csv("r", "nowhere.csv"), "there is no file 'nowhere.csv'",
+        "path from the present folder",
+    ),
+    "the former name of over": (
+        lambda: sweep(vary={"mu": [0.1, 0.2], "x0.x": np.arange(99.0)}), "vary is over now",
+        "write over={'mu': [0.1, 0.2], 'x0.x': ...}",
+    ),
+    "the former name of over without values": (
+        lambda: sweep(vary="mu"), "vary is over now", "write over={'P': [10, 20]}",
+    ),
+    "the former name of over in tune": (
+        lambda: tune(PID, SECTION, ranges={"P": (1, 2)}, interval=(0.01, 1)), "ranges is over now",
+        "write over={'P': (1, 2)}",
+    ),
+    "one value of a gain": (
+        lambda: tune(PID, SECTION, {"P": 1.0}, (0.01, 1)), "over: P is 1.0", "over={'P': (5, 60)}",
+    ),
+    "one value of a sweep": (lambda: sweep(over={"x0.x": 1.0}), "x0.x is 1.0", "over={'x0.x': [...]}"),
+    "a sweep over a state": (lambda: sweep(over={"x": [1.0]}), "'x' is a state", "is 'x0.x'"),
+    "workers of a sweep": (lambda: sweep().run(workers=2), "worker processes", "jobs=4"),
+    "a measure of nothing": (lambda: sweep(measure="max"), "'max' was given 0", "write 'max(x)'"),
+    "a measure of no surface": (
+        lambda: sweep(measure="sliding"), "'sliding' was given 0", "write 'sliding(surface)'",
+    ),
+    "bounds of a search": (lambda: equilibria(MASS, bounds={"x": (0, 1)}), "searched", "box={'x': (-1, 1)}"),
+    "a state without an equation": (lambda: System({x: v, v: None}), "equation of 'v'", "write 0"),
+    "a surface compared": (lambda: Surface("v", v == 0), "surface 'v'", "write h itself, v - vb"),
+    "a direction of a surface": (
+        lambda: Surface("v", v, direction=1), "direction is of a UserEvent", "side: '+'",
+    ),
+    "no sign to describe": (lambda: describing_function(SMOOTH), "no surface", "Write what jumps with sign"),
+    "a polynomial of zeros": (lambda: routh_hurwitz([0, 0]), "polynomial is zero", "[1, 2, 1]"),
+    "no initial states": (
+        lambda: solve_many(MASS, [], (0, 1)), "x0 has shape (0,)", "x0=[(0, 0), ...]",
+    ),
+    "an axis of a basin without a name": (
+        lambda: basin(PID, SECTION, x=(0, 1), y=(0, 1), interval=(0.01, 1)), "x is (0, 1)",
+        "x=('P', [10, 20])",
+    ),
+    "a parameter of a model that is built": (
+        lambda: get("hunting").build(P=3.0), "model 'hunting'", "parameters={'m': 2.0}",
     ),
     "two second parameters": (
         lambda: _curves(None, {"curve": {"a": (0, 1), "b": (0, 1)}}, None), "given a, b", "leave one of them",
@@ -143,6 +192,14 @@ MISTAKES: dict[str, tuple[Callable[[], object], str, str]] = {
 COMMANDS = {
     "models describe": "write filippov models describe NAME",
     "diagram hunting --over P=1:2,I=1:2": "leave one. Two: filippov regions",
+    "sweep hunting --over P": "Write --over P=LOW:HIGH or P=LOW:HIGH:COUNT",
+    "simulate hunting --P 5": "a parameter is set by -p P=VALUE",
+    "simulate hunting --plot x": "figures are written with the results: -o DIR",
+    "report hunting": "a report is written by filippov study NAME -o DIR",
+    "identify hunting d.csv": "takes DATA.csv and options, no more",
+    "ensemble hunting --over P=1:2 --n -1": "--n is '-1', expected a whole number of at least 1",
+    "simulate hunting --config none.toml": "Give its path from the present folder",
+    "bank run none.json": "Give its path from the present folder",
 }
 FILES: dict[str, tuple[str, str, str]] = {
     "titles alone": ("t,r\n", "it has no rows of numbers", "expected lines such as 0.0,1.5"),
@@ -179,6 +236,20 @@ def test_a_file_of_samples_is_told_with_place_and_cure(name: str, tmp_path: Path
     assert cure in str(caught.value)
 
 
+def test_a_configuration_that_is_no_toml_is_told_with_the_cure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.toml"
+    path.write_text("rtol = 1e-6 7\n")
+    assert main(["simulate", "hunting", "--config", str(path)]) == 2
+    assert "Its lines are such as rtol = 1e-9" in capsys.readouterr().err
+
+
+def test_an_event_that_is_not_there_is_told_with_their_number() -> None:
+    with pytest.raises(IndexError, match=f"no event 100: there are {len(RUN.events)}, numbered from 0"):
+        RUN.events[100]
+
+
 def test_a_branch_that_was_not_run_is_told_with_the_cure() -> None:
     p = parameters(r=1.0)
     run = continuation(System({x: p.r - x}), (1.0,), parameter="r", bounds=(0.5, 2.0), mode="")
@@ -200,7 +271,7 @@ def test_a_branch_of_another_continuation_is_told_with_the_cure() -> None:
     done = follow("r").run()
     with pytest.raises(UsageError, match=r"over 'r', this one .* over 'q'\. Resume with what it was made"):
         follow("q", done)
-    with pytest.raises(UsageError, match=r"q = 1\.0, this one 0\.5\. Give it the same values, or leave resume"):
+    with pytest.raises(UsageError, match=r"q = 1\.0, this one 0\.5\. Give it the same values, or"):
         follow("r", done, q=0.5)
 
 
@@ -220,7 +291,7 @@ def test_a_record_is_told_with_the_cure(text: str, place: str, cure: str, tmp_pa
 def test_an_estimate_without_covariance_is_told_with_the_cure(tmp_path: Path) -> None:
     path = tmp_path / "identified.json"
     path.write_text('{"fixed": {}, "values": {"P": 1.0}, "covariance": [[null]], "level": 0.95}')
-    with pytest.raises(UsageError, match=r"do not determine every parameter\. Fix some in `filippov identify`"):
+    with pytest.raises(UsageError, match=r"not determine every parameter\. Fix some in `filippov identify`"):
         identified(str(path), ("P",))
 
 

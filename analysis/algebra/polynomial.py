@@ -155,7 +155,10 @@ def coefficients(polynomial: Any, s: sympy.Symbol | None = None) -> tuple[sympy.
     while given and given[0].expand().is_zero:
         given.pop(0)
     if not given:
-        raise UsageError("the polynomial is zero; its roots are not defined")
+        raise UsageError(
+            "the polynomial is zero: its roots are not defined. Give its coefficients, the highest first: "
+            "[1, 2, 1]."
+        )
     return tuple(given)
 
 

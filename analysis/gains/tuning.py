@@ -20,8 +20,8 @@ from filippov import System, UsageError
 from filippov.analysis.gains.contraction import contraction
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
-from filippov.base.given import Count, Interval, Natural
-from filippov.base.keywords import keywords
+from filippov.base.given import Count, Interval, Natural, row, shown
+from filippov.base.keywords import keywords, renamed
 from filippov.base.names import unknown
 from filippov.base.told import Told
 
@@ -98,7 +98,7 @@ class Tuning(Told):
         return "\n".join(rows)
 
 
-@keywords(answers={"ranges": "ranges is over now: write over={'P': (5, 60)}."})
+@keywords(answers={"ranges": renamed("ranges", "over", "{'P': (5, 60)}")})
 def tune(
     system: System,
     section: Section,
@@ -174,7 +174,14 @@ class _Search:
         for name in (*self.names, *(key for item in band for key in item)):
             if name not in system.parameters:
                 raise UsageError(unknown("parameter", name, system.parameters))
-        for name, (low, high) in ranges.items():
+        for name in ranges:
+            pair: Any = ranges[name]
+            if not isinstance(pair, Sequence | np.ndarray) or len(pair) != 2:
+                raise UsageError(
+                    f"over: {name} is {shown(pair)}, expected its lowest and highest value: "
+                    f"over={{{name!r}: (5, 60)}}."
+                )
+            low, high = row(f"over: {name}", pair, 2)
             if not 0 < low < high < np.inf:
                 raise UsageError(f"the range of {name} is ({low}, {high}), expected 0 < low < high.")
         if not band:

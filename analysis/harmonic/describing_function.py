@@ -136,6 +136,11 @@ def describing_function(
         raise UsageError(f"amplitudes are {amplitudes}, expected 0 < low < high.")
     if surface is None:
         names = [item.name for item in system.surfaces]
+        if not names:
+            raise UsageError(
+                "the system has no surface, so there is no sign to describe. Write what jumps with sign: "
+                "System({x: v, v: -x - sign(x)})."
+            )
         if len(names) != 1:
             raise UsageError(f"name the input's surface with surface=...; known: {', '.join(names)}")
         surface = names[0]

@@ -51,7 +51,9 @@ FEW_MODES = 27
 FORMULAS = 3.0  # seconds a mode, before it is searched numerically
 
 
-@keywords()
+@keywords(answers=dict.fromkeys(
+    ("bounds", "ranges", "region", "limits"), "the region that is searched is box={'x': (-1, 1)}."
+))  # fmt: skip
 @counted
 def equilibria(
     system: System,

@@ -256,7 +256,7 @@ def values(name: str, value: object, error: type[Exception] = UsageError) -> dic
 
 def axis(name: str, value: object, error: type[Exception] = UsageError) -> tuple[str, tuple[float, ...]]:
     """A name and its numbers, one at least; raises `error`."""
-    if not isinstance(value, tuple | list) or len(value) != 2:
+    if not isinstance(value, tuple | list) or len(value) != 2 or as_float(value[0]) is not None:
         raise error(f"{name} is {shown(value)}, expected a name and its values: {name}=('P', [10, 20]).")
     (named,) = names(name, value[0], error)
     found = row(f"{name}: {named}", value[1], error=error)

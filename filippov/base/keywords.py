@@ -12,10 +12,31 @@ from filippov.base.names import unknown
 
 P = ParamSpec("P")
 T = TypeVar("T")
+LONGEST, MOST = 60, 4  # characters of a value, and values, that an answer repeats
+# What is said of a keyword: a sentence, or a function from the value that was given to it.
+Answer = str | Callable[[Any], str]
+
+
+def renamed(former: str, present: str, example: str) -> Callable[[Any], str]:
+    """The answer to the former name of a keyword of values by name: what was given, under the present one.
+
+    example   what is shown where something else was given
+    """
+
+    def answer(value: Any) -> str:
+        from filippov.base.given import shown
+
+        if not isinstance(value, Mapping) or not value:
+            return f"{former} is {present} now: write {present}={example}."
+        said = [f"{key!r}: {q if len(q := shown(one)) <= LONGEST else '...'}" for key, one in value.items()]
+        text = ", ".join([*said[:MOST], *(["..."] if len(said) > MOST else [])])
+        return f"{former} is {present} now: write {present}={{{text}}}."
+
+    return answer
 
 
 def keywords(
-    kind: str = "option", same: Mapping[str, str] | None = None, answers: Mapping[str, str] | None = None,
+    kind: str = "option", same: Mapping[str, str] | None = None, answers: Mapping[str, Answer] | None = None,
     error: type[Exception] = UsageError, own: Sequence[str] = (),
     first: Callable[[str, Any], None] | None = None,
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
@@ -25,7 +46,8 @@ def keywords(
 
     kind      what its keywords are called in messages
     same      other names of its keywords, which are taken as well: {"y0": "x0"}
-    answers   what to say of a keyword that others have and this function has not; "*": of too many values
+    answers   what to say of a keyword that others have and this function has not, or a function from its
+              value to that; "*": of too many values
     own       keywords whose values the function checks itself, with more to say
     first     called with the function's name and its first value before all else: what is wrong with that
               one explains what is wrong with the others
@@ -82,7 +104,8 @@ def keywords(
                 if own is None and further_ones:
                     continue
                 if own is None:
-                    said = sentences.get(name)
+                    told = sentences.get(name)
+                    said = told(given[name]) if callable(told) else told
                     if said is None and len(args) > self:
                         said = _of_system(args[self], name, given[name], known)
                     raise error(said or unknown(kind, name, names))
@@ -95,7 +118,10 @@ def keywords(
             if len(args) - self > len(places):
                 more = f" Write the others by name: {', '.join((*further, '...'))}" if further else ""
                 said = f"{shown} was given {len(args) - self} values in order, expected at most {len(places)}"
-                raise error(sentences.get("*") or f"{said} ({', '.join(places)}).{more}")
+                own_words = sentences.get("*")
+                raise error(
+                    own_words if isinstance(own_words, str) else f"{said} ({', '.join(places)}).{more}"
+                )
             for name in sorted(twice):
                 raise error(_twice(shown, places, args[self:], given, name, name))
             filled = {*places[: len(args) - self], *given}
@@ -138,7 +164,7 @@ def _twice(
 
 
 def constructor(
-    kind: str = "keyword", same: Mapping[str, str] | None = None, answers: Mapping[str, str] | None = None,
+    kind: str = "keyword", same: Mapping[str, str] | None = None, answers: Mapping[str, Answer] | None = None,
     error: type[Exception] = UsageError, own: Sequence[str] = (),
 ) -> Callable[[type[T]], type[T]]:  # fmt: skip
     """The same for the arguments of a class, over @dataclass."""

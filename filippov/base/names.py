@@ -36,7 +36,7 @@ def closest(name: str, known: Iterable[str]) -> str:
 
 def unknown(kind: str, name: object, known: Iterable[str]) -> str:
     """Return the sentence "unknown parameter 'mus'; did you mean 'mu_s'? known: m, mu_s"."""
-    names = list(known)
+    names = list(dict.fromkeys(known))
     hint = closest(str(name), names)
     listing = ", ".join(names) if names else "(none)"
     said = repr(name)

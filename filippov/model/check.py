@@ -83,6 +83,8 @@ def _cure(value: object) -> str:
         return " A table stands at an expression: curve(x) for curve = Table(x, y)."
     if callable(value):
         return " Functions go with System(field=f, states='x v')."
+    if value is None:
+        return " Where the state does not change write 0."
     if isinstance(value, (list, tuple, np.ndarray, sympy.MatrixBase)):
         return " Give one equation per state."
     return ""

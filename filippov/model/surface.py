@@ -41,7 +41,10 @@ def surfaces_of(given: Any) -> tuple[Any, ...]:
     return tuple(several("surfaces", given, ModelError))
 
 
-@constructor(error=ModelError, own=("name",))
+@constructor(error=ModelError, own=("name",), answers={
+    "direction": "direction is of a UserEvent. The side from which a surface is reached for its reset is "
+    "side: '+' (h > 0 before), '-' or 'both'; a surface that only switches has none.",
+})  # fmt: skip
 @dataclass(frozen=True)
 class Surface:
     """The surface h = 0 with sign s = sgn(h), and s in [lo, hi] at h = 0 (`radius` r means [-r, r]).
@@ -96,6 +99,8 @@ class Surface:
             )
         if not is_expression(self.h) and not callable(self.h):
             bare = " Write it without quotes." if isinstance(self.h, str) else ""
+            if isinstance(self.h, bool):
+                bare = " Python's == compares at once: write h itself, v - vb for the surface v = vb."
             raise ModelError(
                 f"{where}: h is {self.h!r} ({type(self.h).__name__}), expected a sympy expression or a "
                 f"function h(t, x, p).{bare}"

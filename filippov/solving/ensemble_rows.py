@@ -29,7 +29,8 @@ def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
     if states.ndim != 2 or states.shape[1] != system.dimension:
         raise UsageError(
             f"x0 has shape {np.shape(x0)}, expected (k, {system.dimension}) "
-            f"(states: {', '.join(system.states)})."
+            f"(states: {', '.join(system.states)}), a row for each run: "
+            f"x0=[({', '.join('0' for _ in system.states)}{',' * (system.dimension == 1)}), ...]."
         )
     finite = np.isfinite(states)
     if states.size and not finite.all(axis=1).any():

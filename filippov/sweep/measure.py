@@ -207,12 +207,22 @@ def _read(item: Any, system: System) -> Measure | Function:
     return _checked(Measure(match[1], arguments), system)
 
 
+_FORMS = {
+    "t_end": "", "nfev": "", "dwell": "(mode)", "mode": "(surface)", "sliding": "(surface)",
+    "events": "(surface, kind)", "period": "(surface, kind)",
+}  # fmt: skip
+
+
 def _checked(measure: Measure, system: System) -> Measure:
     name, arguments = measure.name, measure.arguments
     most = {"t_end": 0, "nfev": 0, "events": 2, "period": 2}.get(name, 1)
     least = 0 if name in ("end", "t_end", "nfev", "events") else 1
     if not least <= len(arguments) <= most:
-        raise UsageError(f"measure {name!r} has {len(arguments)} arguments, expected {least} to {most}.")
+        count = f"{least}" if least == most else f"{least} to {most}"
+        of = _FORMS.get(name, f"({system.states[0]})")
+        raise UsageError(
+            f"measure {name!r} was given {len(arguments)} arguments, expected {count}: write '{name}{of}'."
+        )
     if not arguments:
         return measure
     try:

@@ -16,7 +16,7 @@ from filippov.base.arrays import Whole
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.failure import failure
 from filippov.base.given import Count, Natural, Positive, positive
-from filippov.base.keywords import keywords
+from filippov.base.keywords import keywords, renamed
 from filippov.base.names import unknown
 from filippov.base.version import package_version
 from filippov.model.system import System
@@ -45,7 +45,7 @@ from filippov.sweep.table import SweepTable
 from filippov.sweep.toolchain import own_sources, toolchain
 
 _ENOUGH = 64
-FORMER = {"vary": "vary is over now: write over={'P': [10, 20]}."}
+FORMER = {"vary": renamed("vary", "over", "{'P': [10, 20]}")}
 
 
 class Sweep:
@@ -67,7 +67,7 @@ class Sweep:
 
     grain = 1
 
-    @keywords(answers=ANSWERS | FORMER, own=("problem", "method"))
+    @keywords(answers={**ANSWERS, **FORMER}, own=("problem", "method"))
     def __init__(
         self,
         problem: Problem,
@@ -269,6 +269,10 @@ def _names(over: Any, system: System) -> tuple[str, ...]:
     known = [*system.parameters.names, *(f"{START}{state}" for state in system.states)]
     for name in over:
         if name not in known:
+            if f"{START}{name}" in known:
+                raise UsageError(
+                    f"unknown name to vary: {name!r} is a state; its initial value is {f'{START}{name}'!r}."
+                )
             raise UsageError(unknown("name to vary:", name, known))
     return tuple(over)
 

@@ -33,7 +33,10 @@ KILLS, PASSES = 2, 3
 GRACE = 10.0
 
 
-@keywords()
+@keywords(answers=dict.fromkeys(
+    ("workers", "n_workers", "max_workers", "processes", "nproc"),
+    "worker processes are jobs here: jobs=4.",
+))  # fmt: skip
 def run(
     work: Work,
     folder: str | Path | None = None,

@@ -99,7 +99,7 @@ def _numbers(name: str, values: Any) -> Array:
     if hasattr(values, "to_numpy") and getattr(values, "ndim", 0) == 1:  # a column of a table
         values = values.to_numpy()
     if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray):
-        raise UsageError(f"over: {name} is {values!r}, expected a list of numbers.")
+        raise UsageError(f"over: {name} is {values!r}, expected a list of numbers: over={{{name!r}: [...]}}.")
     try:
         column = np.asarray(values, dtype=float)
     except (TypeError, ValueError):

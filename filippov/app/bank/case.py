@@ -75,7 +75,10 @@ def _load(path: Path) -> Any:
     try:
         return read_json(path, LARGEST_FILE)
     except OSError as error:
-        raise UsageError(f"cannot read the bank {str(path)!r}: {error.strerror or error}.") from None
+        raise UsageError(
+            f"cannot read the bank {str(path)!r}: {error.strerror or error}. Give its path from the present "
+            "folder."
+        ) from None
     except UsageError:
         raise
     except ValueError as error:

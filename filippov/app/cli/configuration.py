@@ -88,9 +88,15 @@ def read_file(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(read_text(path, LARGEST_FILE))
     except OSError as error:
-        raise UsageError(f"cannot read the configuration {str(path)!r}: {error.strerror or error}.") from None
+        raise UsageError(
+            f"cannot read the configuration {str(path)!r}: {error.strerror or error}. "
+            "Give its path from the present folder."
+        ) from None
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise UsageError(f"the configuration {str(path)!r} is not TOML: {error}.") from None
+        raise UsageError(
+            f"the configuration {str(path)!r} is not TOML: {error}. Its lines are such as rtol = 1e-9, "
+            "text in quotes, below [simulate] those of one command."
+        ) from None
 
 
 def merge(

@@ -35,6 +35,7 @@ _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # What others call these, and what to write.
 _OTHER_COMMANDS = {
     "plot": "every command draws what it computes: filippov simulate MODEL -o DIR.",
+    "report": "a report is written by filippov study NAME -o DIR.",
     **dict.fromkeys(("run", "solve", "integrate"), "write filippov simulate MODEL."),
     **dict.fromkeys(("describe", "info", "show"), "write filippov models describe NAME."),
     **dict.fromkeys(("list", "ls", "model"), "write filippov models."),
@@ -42,6 +43,9 @@ _OTHER_COMMANDS = {
 }  # fmt: skip
 _PARAMETERS = dict.fromkeys(
     ("--params", "--parameters", "--param", "--set", "-P"), "parameters are set by -p NAME=VALUE, one each"
+)
+_PARAMETERS |= dict.fromkeys(
+    ("--plot", "--figure", "--fig", "--png", "--save"), "figures are written with the results: -o DIR"
 )
 # What the end of a run is called elsewhere.
 _ENDS = (
@@ -213,6 +217,19 @@ def _joined(argv: list[str], word: str) -> str:
     return f"one word goes with {argv[start]}: {argv[start]} {with_name.join(argv[start + 1 : end + 1])}"
 
 
+def _nearest(flag: str, words: list[str]) -> str:
+    """The flag that may be meant; -p is never, but a parameter's name is."""
+    hint = closest(flag, words)
+    return f"a parameter is set by -p {flag.lstrip('-')}=VALUE" if "'-p'" in hint else hint
+
+
+def _in_order(known: Mapping[str, Command], given: Mapping[str, Any]) -> str:
+    """The words that a command takes without a flag, each with a blank after it."""
+    own = known[given["command"]].settings if given.get("command") else ()
+    words = [q.metavar or q.name.upper() for q in own if not (q.flags or (q.flag,))[0].startswith("-")]
+    return "".join(f"{word} " for word in words) or "a command "
+
+
 def _left(leave: SystemExit) -> str:
     """What to say where a function of the user's ended the program: none of its codes is that of a result."""
     frames = traceback.extract_tb(leave.__traceback__)
@@ -250,9 +267,9 @@ def _main(argv: list[str], show: dict[str, bool], for_good: bool) -> int:
             own = known[given["command"]].settings if given.get("command") else ()
             flag = word.split("=")[0]
             hint = _renamed(own, argv) or _span(own, flag) or _elsewhere(given.get("command"), flag, known)
-            hint = hint or _PARAMETERS.get(flag, "") or closest(flag, part.words) or _choice(own, word)
+            hint = hint or _PARAMETERS.get(flag, "") or _nearest(flag, part.words) or _choice(own, word)
         else:
-            hint = _joined(argv, word) or "expected no more"
+            hint = _joined(argv, word) or f"{part.prog} takes {_in_order(known, given)}and options, no more"
         raise UsageError(f"unknown argument {word!r}{'; ' + hint if hint else ''} (see {part.prog} --help)")
     command = known[given.pop("command")]
     show["traceback"] = bool(given.get("traceback"))

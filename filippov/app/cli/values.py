@@ -62,6 +62,7 @@ def whole(value: Any, name: str, least: int = 1) -> int:
     """A whole number of at least 1."""
     result = number(value, name)
     if result != int(result) or result < least:
+        value = value.strip() if isinstance(value, str) else value
         raise UsageError(f"{name} is {value!r}, expected a whole number of at least {least}.")
     return int(result)
 
@@ -188,6 +189,9 @@ def named(value: Any, name: str) -> dict[str, Any]:
                     "values of a sweep are LOW:HIGH:COUNT." if several else ""
                 )
                 what = f"{item!r}, in which {piece!r} has no name" if several else repr(piece)
+                if name == "--over" and not equals and not cure:
+                    word = piece.strip() or "NAME"
+                    cure = f" Write --over {word}=LOW:HIGH or {word}=LOW:HIGH:COUNT."
                 raise UsageError(f"{name} is {what}, expected name=value.{cure}")
             if key.strip() in found:
                 raise UsageError(f"{name}: {key.strip()} is given twice. Leave one of them out.")

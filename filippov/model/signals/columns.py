@@ -27,6 +27,8 @@ def read_columns(
         lines = io.StringIO(read_text(path, LARGEST_FILE), newline="")
         reader = csv.reader(lines)
         numbered = [(reader.line_num, row) for row in reader if row and not row[0].startswith("#")]
+    except FileNotFoundError:
+        raise ModelError(f"there is no file {str(path)!r}: give its path from the present folder.") from None
     except (OSError, ValueError, csv.Error) as error:
         raise ModelError(
             f"{path}: cannot be read as text in columns: {error}. Save it as CSV in UTF-8."

@@ -97,7 +97,14 @@ class Events(Answering, Sequence[Event]):
             raise UsageError(
                 f"events go by number or slice, not {item!r}: events.of({item!r}) has those of a name."
             )
-        return Events(self._items[item], self) if isinstance(item, slice) else self._items[item]
+        if isinstance(item, slice):
+            return Events(self._items[item], self)
+        try:
+            return self._items[item]
+        except IndexError:
+            raise IndexError(
+                f"there is no event {item!r}: there are {len(self)}, numbered from 0; len(events) tells."
+            ) from None
 
     def __len__(self) -> int:
         return len(self._items)
