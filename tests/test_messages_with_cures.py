@@ -182,6 +182,17 @@ MISTAKES: dict[str, tuple[Callable[[], object], str, str]] = {
         lambda: basin(PID, SECTION, x=(0, 1), y=(0, 1), interval=(0.01, 1)), "x is (0, 1)",
         "x=('P', [10, 20])",
     ),
+    "a model for its system": (
+        lambda: basin(get("hunting"), SECTION, x=("P", [1]), y=("I", [1]), interval=(0.01, 1)),
+        "(Model), expected a System", "Give its .build()",
+    ),
+    "the section of a model": (
+        lambda: basin(PID, get("hunting").section, x=("P", [1]), y=("I", [1]), interval=(0.01, 1)),
+        "(SectionData), expected a Section", "Section.from_model(model)",
+    ),
+    "a curve of two lengths": (
+        lambda: Curve(np.zeros(2), np.zeros(1)), "friction has shape (1,)", "Leave out the samples",
+    ),
     "a parameter of a model that is built": (
         lambda: get("hunting").build(P=3.0), "model 'hunting'", "parameters={'m': 2.0}",
     ),
@@ -248,6 +259,15 @@ def test_a_configuration_that_is_no_toml_is_told_with_the_cure(
 def test_an_event_that_is_not_there_is_told_with_their_number() -> None:
     with pytest.raises(IndexError, match=f"no event 100: there are {len(RUN.events)}, numbered from 0"):
         RUN.events[100]
+
+
+def test_what_a_tree_and_a_continuation_do_not_have_is_told_with_the_cure() -> None:
+    with pytest.raises(AttributeError, match=r"no attribute 'sol': it holds several .* tree\.paths"):
+        TREE.sol  # noqa: B018
+    p = parameters(r=1.0)
+    run = continuation(System({x: p.r - x}), (1.0,), parameter="r", bounds=(0.5, 2.0), mode="")
+    with pytest.raises(AttributeError, match=r"no attribute 'points': .* is what run\(\) returns"):
+        run.points  # noqa: B018
 
 
 def test_a_branch_that_was_not_run_is_told_with_the_cure() -> None:

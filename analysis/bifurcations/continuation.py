@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -42,7 +42,7 @@ from filippov.analysis.orbits.orbit_search import refine
 from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
-from filippov.base.names import unknown
+from filippov.base.names import Answering, unknown
 from filippov.base.shown import Shown
 from filippov.base.status import mode_text
 
@@ -146,11 +146,16 @@ def _problem(
     return problem, at, {k: v for k, v in named.items() if k != parameter}
 
 
-class Continuation(Shown):
+class Continuation(Shown, Answering):
     """A continuation under way: an iterator of points. `branch` has what was found, in order along it.
 
     stop()   ends it after the point at hand; a KeyboardInterrupt does so too when it runs by `run`
     """
+
+    _elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("points", "special", "plot", "to_pandas", "save", "message", "ends"),
+        "it has not been followed yet; the branch that has it is what run() returns.",
+    )
 
     min_step, max_step, max_points, max_time = 1e-8, 0.1, 500, float("inf")
 

@@ -45,6 +45,9 @@ class Record:
     force: Array
     v: Array | None = None
 
+    def __post_init__(self) -> None:
+        _one_length("Record", t=self.t, x=self.x, force=self.force, v=self.v)
+
 
 @constructor()
 @dataclass(frozen=True)
@@ -53,6 +56,17 @@ class Curve:
 
     v: Array
     friction: Array
+
+    def __post_init__(self) -> None:
+        _one_length("Curve", v=self.v, friction=self.friction)
+
+
+def _one_length(kind: str, **columns: Array | None) -> None:
+    """Raise UsageError where the columns are not of one length."""
+    shapes = {name: np.shape(column) for name, column in columns.items() if column is not None}
+    if len(set(shapes.values())) > 1:
+        told = ", ".join(f"{name} has shape {shape}" for name, shape in shapes.items())
+        raise UsageError(f"{kind}: {told}, expected one length. Leave out the samples that lack a value.")
 
 
 @keywords()

@@ -44,7 +44,8 @@ class Section:
     """
 
     _write: ClassVar[str] = (
-        ": Section('v', 'sliding entry', 'x', {'x': 'd', 'v': '0'}), or find_section(system, x0)"
+        ": Section('v', 'sliding entry', 'x', {'x': 'd', 'v': '0'}), Section.from_model(model), or "
+        "find_section(system, x0)"
     )
 
     surface: str

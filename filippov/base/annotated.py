@@ -137,7 +137,11 @@ def _of(name: str, value: Any, kind: type, expected: str, error: type[Exception]
         return value
     inside = next((one for one in ("system", "section") if isinstance(getattr(value, one, None), kind)), "")
     cure = f" Give its .{inside}." if inside else ""
-    raise error(f"{name} is {shown(value)} ({type(value).__name__}), expected {expected}.{cure}")
+    if kind.__name__ == "System" and callable(getattr(value, "build", None)):
+        cure = " Give its .build()."
+    said, made_by = shown(value), f"({type(value).__name__})"
+    said = said if said.endswith(made_by) else f"{said} {made_by}"
+    raise error(f"{name} is {said}, expected {expected}.{cure}")
 
 
 def _figure(name: str, value: Any, error: type[Exception]) -> Any:

@@ -6,7 +6,7 @@ of branches from the root to a leaf.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -18,6 +18,7 @@ from filippov.base.arrays import Array
 from filippov.base.delegates import delegate
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
+from filippov.base.names import Answering
 from filippov.base.shown import Shown
 from filippov.base.status import Status, mode_text
 from filippov.solving.segments import Segment
@@ -180,7 +181,7 @@ class Reachable:
     complete: bool
 
 
-class SolutionTree(Shown):
+class SolutionTree(Shown, Answering):
     """The solutions from one initial state, which branch where several modes can follow.
 
     branches  all pieces, parents before children; root: the first
@@ -190,6 +191,10 @@ class SolutionTree(Shown):
     """
 
     _write: ClassVar[str] = ': what solve(..., nonunique="branch") returns'
+    _elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("sol", "t", "x", "y", "t_end", "x_end", "events", "segments", "evaluate", "mode_at", "to_pandas"),
+        "it holds several solutions: those of tree.paths() go from the initial state to an end each.",
+    )
 
     def __init__(
         self, problem: Problem, branches: tuple[TreeBranch, ...], status: Status, message: str
