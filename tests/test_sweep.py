@@ -206,7 +206,7 @@ def test_exports_keep_coordinates_units_and_causes(tmp_path: Path) -> None:
         ({"measure": "end(y)"}, "unknown state 'y'"),
         ({"measure": "events(wall)"}, "unknown surface 'wall'"),
         ({"measure": "nothing.py:f"}, "there is no file"),
-        ({"measure": ["end", "end"]}, "asked for twice"),
+        ({"measure": ["end", "end"]}, "holds 'end' twice"),
         ({"tail": 2}, r"expected a number in \(0, 1\]"),
         ({"rtoll": 1e-3}, "unknown option 'rtoll'; did you mean 'rtol'?"),
         ({"reduce": ["men"]}, "unknown reduction 'men'"),
