@@ -192,7 +192,7 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "input order": (lambda: Input("r", [0, 2, 1], [1, 2, 3]), "t[1] = 2", "increasing times"),
     "input over": (lambda: solve(System({x: v, v: Input("r", [0, 0.5], [1, 2])}), START, SPAN), "'r'",
                    "outside='hold'"),
-    "input file": (lambda: Input.from_csv("r", "none.csv"), "none.csv", "No such file"),
+    "input file": (lambda: Input.from_csv("r", "none.csv"), "none.csv", "path from the present folder"),
     "table": (lambda: System({x: Table([0, 1], [1, 2])}), "the equation of 'x'", "curve(x)"),
     "square": (lambda: square("d", p.m, (1, 0)), "period is m", "TimeEvent('clock', period=p.T"),
     "square order": (lambda: square("d", 1.0, 1, 0), "4 values in order", "duty=..."),

@@ -266,7 +266,7 @@ def test_what_a_tree_and_a_continuation_do_not_have_is_told_with_the_cure() -> N
         TREE.sol  # noqa: B018
     p = parameters(r=1.0)
     run = continuation(System({x: p.r - x}), (1.0,), parameter="r", bounds=(0.5, 2.0), mode="")
-    with pytest.raises(AttributeError, match=r"no attribute 'points': .* is what run\(\) returns"):
+    with pytest.raises(AttributeError, match=r"no attribute 'points': run\(\) follows it and returns"):
         run.points  # noqa: B018
 
 

@@ -153,10 +153,8 @@ class Continuation(Shown, Answering):
     """
 
     _elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("points", "special", "plot", "to_pandas", "save", "message", "ends"),
-        "it has not been followed yet; the branch that has it is what run() returns.",
+        ("points", "special", "plot", "save"), "run() follows it and returns the branch, which has it."
     )
-
     min_step, max_step, max_points, max_time = 1e-8, 0.1, 500, float("inf")
 
     def __init__(
@@ -207,15 +205,13 @@ class Continuation(Shown, Answering):
         if (branch.parameter, branch.kind) != (mine.parameter, mine.kind):
             raise UsageError(
                 f"the branch to resume follows a {branch.kind} over {branch.parameter!r}, this one a "
-                f"{mine.kind} over {mine.parameter!r}. Resume with what it was made with, or leave resume "
-                "out."
+                f"{mine.kind} over {mine.parameter!r}. Resume with what it was made with, or without resume."
             )
         for name, number in mine.parameters.items():
             if branch.parameters.get(name) != number:
                 raise UsageError(
                     f"the branch to resume has {name} = {branch.parameters.get(name)}, this one {number}. "
-                    "Give it "
-                    f"the same values, or leave resume out."
+                    "Give it the same values, or leave resume out."
                 )
         self._resumed = list(branch.points)
         self.branch.points = list(branch.points)
