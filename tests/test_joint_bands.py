@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from filippov import (
+    EventKind,
     Karnopp,
     Parameter,
     Surface,
@@ -259,3 +260,43 @@ def test_15_1_three_frictions_go_to_the_exact_solution(make: Any, x0: Any, error
         assert narrow[error] < 1e-3
         assert wide[error] / narrow[error] == pytest.approx(10, rel=0.1), error
     assert narrow["drift"] < (1.1e-5 / 100 if kind == "switch" else 1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_15_1_no_stick_is_left_in_the_dense_output_of_a_long_step(kind: Any) -> None:
+    """The layer of a stick relaxes within a part of a step: its edge is not reached in one."""
+    exact = stack_of_three()
+    x0 = (1, 0, 0.3, 0, 0, 0)
+    end = solve(exact, x0, (0, 10), rtol=1e-12, atol=1e-14).x_end
+    made = exact.with_comparator(kind(ETA))
+    errors = []
+    for eta in (1e-6, 1e-7):
+        run = solve(made, x0, (0, 10), parameters={"eta": eta}, rtol=1e-10, atol=1e-13)
+        assert run.success, run.message
+        assert all(event.kind is EventKind.CROSSING for event in run.events), run.events
+        errors.append(float(np.max(np.abs(run.x_end - end))))
+    assert errors[0] / errors[1] == pytest.approx(10, rel=0.05)
+
+
+@pytest.mark.parametrize("kind", ["switch", "karnopp"])
+def test_15_1_what_lasts_as_long_as_a_band_is_passed_is_no_fault_in_kind(kind: str) -> None:
+    """Three belts at one speed for an instant: which of them holds the body there is a matter of the band."""
+    table = compare(three_belts(), (1.5, 0), (0, 10), against=[kind], widths=(1e-5, 1e-6, 1e-7))
+    assert not table.faults
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_15_1_levels_of_bands_that_are_left_far_behind_are_not_reached(kind: Any) -> None:
+    """A friction of which the force may move its own joint by 1 or more, through a place-dependent mass."""
+    made, within = arm().with_comparator(kind(ETA)), 0
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        given = dict(ARM, b=rng.uniform(-0.6, 0.6), g=rng.uniform(0, 0.5), eta=1e-6)
+        given |= {"u1": rng.uniform(2, 6), "f1": rng.uniform(1.4, 2.2), "u2": rng.uniform(1, 3)}
+        run = solve(made, rng.uniform(-1, 1, 4), (0, 8), parameters=given, rtol=1e-10, atol=1e-13)
+        assert run.success, (seed, run.message)
+        for event in run.events:
+            if "with" in str(event.surface):
+                assert max(abs(event.x[[1, 3]])) < 50e-6, (seed, event)
+                within += 1
+    assert within > 50

@@ -18,6 +18,11 @@ from filippov.solving.state.options import STEPPING
 MOST_NODES = 4000
 # Gauss points a step for the way covered in stick.
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
+# Of the time computed: what lasts less lies between events of one instant, which rounding orders.
+INSTANT = 1e-9
+# Of the time in which the force of a surface moves h by the half-width: what lasts less is a matter of the
+# band. Where several share a rate, those that hold the body meet others on the way, and take it over there.
+UNTOLD = 10.0
 
 
 @dataclass(frozen=True)
@@ -27,12 +32,14 @@ class Read:
     stays      stays in stick
     crossings  times at which h changes its sign outside of them
     drift      largest |integral of h dt| within a stay from its entry on: the way slipped, for a velocity h
+    least      how long a stay lasts at least that is not made by the band or by rounding
     """
 
     surface: str
     stays: tuple[Stay, ...]
     crossings: tuple[float, ...]
     drift: float
+    least: float = 0.0
 
     def events(self, scale: float) -> list[tuple[float, str, str]]:
         """(time, surface, kind), in order of time; a start on the edge of stick is no event."""
@@ -75,7 +82,8 @@ class EventReader:
         for name, reader in self.readers.items():
             stays = reader.of_exact(solution)
             times = tuple(e.t for e in solution.events.of(name) if e.kind is EventKind.CROSSING)
-            out.append(Read(name, tuple(stays), times, self.drift(solution, name, stays)))
+            drift = self.drift(solution, name, stays)
+            out.append(Read(name, tuple(stays), times, drift, INSTANT * _span(solution)))
         return tuple(out)
 
     def model(self, solution: Solution, model: Approximation, width: float) -> tuple[Read, ...]:
@@ -91,7 +99,9 @@ class EventReader:
                 band = model.band_model(name)
                 stays, edge = reader.of_model(solution, band, width), band.reach * width
             crossings = self._crossings(solution, reader, stays, edge)
-            out.append(Read(name, tuple(stays), crossings, self.drift(solution, name, stays)))
+            jump, least = self.jump(solution, name), INSTANT * _span(solution)
+            least = max(least, UNTOLD * edge / jump) if jump > 0 else least
+            out.append(Read(name, tuple(stays), crossings, self.drift(solution, name, stays), least))
         return tuple(out)
 
     def jump(self, solution: Solution, name: str) -> float:
@@ -143,6 +153,10 @@ class EventReader:
                 way = (at[1:] - at[0] - moving) / places[0][2]
             worst = max(worst, float(np.max(np.abs(way), initial=0.0)))
         return worst
+
+
+def _span(solution: Solution) -> float:
+    return abs(solution.t_end - solution.problem.t_span[0])
 
 
 def _nodes(solution: Solution) -> Array:

@@ -50,7 +50,10 @@ def _of_run(run: Seen, exact: Seen, states: Sequence[str], extent: Array) -> lis
     sticks = None not in run.row["entries"]  # bristles have none
     for mine, theirs in zip(exact.reads, run.reads, strict=True):
         want, have = (len(_entries(read)) for read in (mine, theirs))
-        if not sticks or have == want or _alike(mine, theirs, run, exact):
+        least = max(mine.least, theirs.least)
+        told = {sum(stay.t1 - stay.t0 > least or stay.to_end for stay in read.stays if not stay.from_start)
+                for read in (mine, theirs)}  # fmt: skip
+        if not sticks or have == want or len(told) == 1 or _alike(mine, theirs, run, exact):
             continue
         what = "loses" if have < want else "invents"
         counts = f"{have} entries into it, where the exact solution has {want}"

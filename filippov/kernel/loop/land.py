@@ -12,6 +12,7 @@ from filippov.kernel.loop.model import (
     G_COLUMN,
     G_FIRST,
     IMPLICIT,
+    LINEAR,
     RESET_FROM,
     ROLE,
     ROOTED,
@@ -217,9 +218,12 @@ def land(
         length += delta
     # The state may be where the field, or a guard, is undefined.
     sound = abs(value) < 1e300 and abs(change) <= INF
-    if (CLAMPED or bent) and code == 0 and sound and cause == ROOT and ROLE[i] == SWITCHING:
+    # A step that is long beside a layer in which the solution relaxes has roots in its dense output that the
+    # solution has not. Of a linear guard what is left is the error of that; others may jump.
+    unseen = LINEAR[i] != 0 and WIDTH[i] == 0.0 and not IMPLICIT
+    if code == 0 and sound and cause == ROOT and (unseen or ((CLAMPED or bent) and ROLE[i] == SWITCHING)):
         # A landing farther off than the accuracy of the integration has failed: a field that vanishes beyond
-        # the surface leads Newton's method off.
+        # the surface leads Newton's method off. Moved onto the surface the state would be another one.
         went = (abs(t) + abs(length)) * (abs(w.start[2 * i + 1]) + abs(rate(i, f, w)))
         terms = guard_scale(i, t + length, xe, w) + went + WIDTH[i]
         known = max(w.touch[i], ASTRAY * EPS * terms if terms <= HUGE else 0.0)
