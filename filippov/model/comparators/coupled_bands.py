@@ -5,8 +5,9 @@
 A surface outside its band has the sign +-1. Within the bands of a set K of them the signs are those of their
 stick (`filippov.model.comparators.stick_levels`): the s in the box at which each dh_i/dt is 0, or < 0 with
 s_i = lo_i, or > 0 with s_i = hi_i. There is exactly one where -A is a P-matrix (Cottle, Pang & Stone 1992),
-as friction through any mass matrix has it; this is looked at in states drawn at random, with the parameters
-at their defaults. Those that stick then solve dh_i/dt = -alpha_i h_i together.
+as friction through any mass matrix has it. With the parameters at their defaults this is proved where states
+act on A by angles only (`filippov.model.comparators.unique_stick`), and sampled elsewhere, in states drawn at
+random. Those that stick then solve dh_i/dt = -alpha_i h_i together.
 
 Where the rows of A in K are dependent, as for a body between two belts, not all can be brought to 0: within
 all bands those that depend on the ones before have s = h/eta, as `filippov.model.comparator.Band` has.
@@ -35,6 +36,7 @@ from filippov.model.comparators.stick_levels import (
     StickLevels,
     balanced,
 )
+from filippov.model.comparators.unique_stick import unique
 from filippov.model.symbolic import Select, convex
 from filippov.model.symbols import t
 
@@ -92,7 +94,11 @@ class CoupledBands:
         """Of every set within its bands those that do not depend on the ones before; ModelError."""
         count = len(self.bands)
         matrix = sympy.Matrix(count, count, lambda i, j: -_dot(self.gradients[i], self.effects[j]))
-        drawn = [q for q in self._drawn(matrix) if q is not None]
+        defaults = {q: sympy.Float(q.parameter.default) for q in self.form.p}
+        # With dependent rows there is no P-matrix: of these the minors are 0, and what is drawn shows them.
+        held = unique(matrix.xreplace(defaults), self.sets)
+        self.proved = held.proved
+        drawn = [q for q in self._drawn(matrix, held.at) if q is not None]
         if not drawn:
             raise ModelError(f"{self.name}: how their signs act on dh/dt has no value in any state. {OTHERS}")
         minors = {k: [_minor(numbers, k) for numbers, _ in drawn] for k in self.sets}
@@ -114,13 +120,16 @@ class CoupledBands:
             out[k] = kept
         return out
 
-    def _drawn(self, matrix: sympy.Matrix) -> Iterator[tuple[np.ndarray, str] | None]:
-        """-A in states at random, parameters at their defaults; None where it has no value."""
+    def _drawn(
+        self, matrix: sympy.Matrix, first: Mapping[Symbol, float] | None
+    ) -> Iterator[tuple[np.ndarray, str] | None]:
+        """-A in a first state and at random, parameters at their defaults; None where it has no value."""
         rng = np.random.default_rng(0)
         held = sorted((q for q in matrix.free_symbols if q not in self.form.p), key=lambda q: str(q.name))
         defaults = {q: sympy.Float(q.parameter.default) for q in self.form.p}
-        for _ in range(SAMPLES if held else 1):
+        for k in range(SAMPLES if held else 1):
             at = dict(zip(held, rng.uniform(-4, 4, len(held)).round(3).tolist(), strict=True))
+            at |= first if first is not None and k == 0 else {}
             known = defaults | {q: sympy.Float(abs(v) if q.is_nonnegative else v) for q, v in at.items()}
             values = [sympy.N(e.xreplace(known)) for e in matrix]
             if not all(v.is_Float or v.is_Integer for v in values):
