@@ -78,14 +78,16 @@ def _positive(
     matrix: sympy.Matrix, sets: Sequence[Sequence[int]], angles: list[Expr], low: Array, high: Array
 ) -> npt.NDArray[np.bool_]:
     """The boxes on which all minors are positive for sure."""
-    return np.logical_and.reduce([minor[0] > 0 for minor in _minors(matrix, sets, angles, low, high)])
+    above = [minor[0] > 0 for minor in _minors(matrix, sets, angles, low, high)]
+    return np.asarray(np.all(above, axis=0), dtype=np.bool_)
 
 
 def _negative(
     matrix: sympy.Matrix, sets: Sequence[Sequence[int]], angles: list[Expr], at: Array
 ) -> npt.NDArray[np.bool_]:
     """The points at which a minor is negative for sure."""
-    return np.logical_or.reduce([minor[1] < 0 for minor in _minors(matrix, sets, angles, at, at)])
+    below = [minor[1] < 0 for minor in _minors(matrix, sets, angles, at, at)]
+    return np.asarray(np.any(below, axis=0), dtype=np.bool_)
 
 
 def _minors(
