@@ -10,23 +10,28 @@ import numpy as np
 import sympy
 from sympy import Expr
 
-from filippov import System, UsageError
+from filippov import System
 from filippov import t as time
+from filippov.analysis.sensitivity.plain_resets import plain_instant_slopes, plain_reset_slopes
 from filippov.base.arrays import Array
-from filippov.model.symbolic import SymbolicForm
 from filippov.solving.state.events import Event, Mode
 
 
 def reset_slopes(
     system: System, event: Event, names: tuple[str, ...], p: Array, at: Array | None = None
 ) -> Array:
-    """dR/dy of the reset y+ = R(y) at an event: (N, N). UsageError for a system of plain functions.
+    """dR/dy of the reset y+ = R(y) at an event: (N, N).
 
     at: the state where another reset of the instant comes first
     """
     x = event.x if at is None else at
-    n, slopes = len(_form(system).x), _slopes(system, event.index, tuple(event.before), names)
+    n = system.dimension
     out = np.eye(n + len(names) + 1)
+    if system.symbolic is None:
+        by = plain_reset_slopes(system, event.index, event.t, np.asarray(x, dtype=np.float64), p)
+        out[:n] = by[:, [*range(n), *(n + system.parameters.index(name) for name in names), -1]]
+        return out
+    slopes = _slopes(system, event.index, tuple(event.before), names)
     with np.errstate(all="ignore"):
         out[:n] = np.reshape(slopes(np.float64(event.t), *x, *p), (n, -1))
     return out
@@ -35,7 +40,8 @@ def reset_slopes(
 @lru_cache(maxsize=128)
 def _slopes(system: System, index: int, before: Mode, names: tuple[str, ...]) -> Callable[..., Any]:
     """dR/dy as a function of t, states and parameters that returns the rows of (n, N) behind each other."""
-    form, m = _form(system), len(system.surfaces)
+    form, m = system.symbolic, len(system.surfaces)
+    assert form is not None
     after = form.reset[index] if index < m else form.time_reset[index - m]
     assert after is not None
     signs = {s: sympy.Integer(sign) for s, sign in zip(form.s, before, strict=True)}
@@ -50,26 +56,25 @@ def _slopes(system: System, index: int, before: Mode, names: tuple[str, ...]) ->
 
 def instant_slopes(system: System, event: Event, names: tuple[str, ...], p: Array) -> Array:
     """dG/dy of G = t - t_k at a time event: (N,)."""
-    form = _form(system)
+    still = [0.0] * system.dimension
     if not names:
-        return np.array([*[0.0] * len(form.x), 1.0])
+        return np.array([*still, 1.0])
     source = system.time_events[event.index - len(system.surfaces)]
-    values: dict[Any, Any] = {q: sympy.Float(float(v), 17) for q, v in zip(form.p, p, strict=True)}
-    instants = [_expression(q) for q in source.instants]
-    numbers = [float(q.xreplace(values)) for q in instants]
+    numbers = source.numbers(system.parameters.record(p), dict(zip(system.parameters.names, p, strict=True)))
+    slopes = [_instant(system, q, p) for q in source.instants]
     if source.times is None:
-        instant = instants[0] + round((event.t - numbers[0]) / numbers[1]) * instants[1]
+        slope = slopes[0] + round((event.t - numbers[0]) / numbers[1]) * slopes[1]
     else:
-        instant = instants[int(np.argmin(np.abs(np.array(numbers) - event.t)))]
-    slopes = [-float(instant.diff(q).xreplace(values)) for n in names for q in form.p if q.name == n]
-    return np.array([*[0.0] * len(form.x), *slopes, 1.0])
+        slope = slopes[int(np.argmin(np.abs(np.array(numbers) - event.t)))]
+    return np.array([*still, *(-slope[system.parameters.index(name)] for name in names), 1.0])
 
 
-def _expression(value: Any) -> Expr:
-    return value if isinstance(value, Expr) else sympy.Float(value, 17)
-
-
-def _form(system: System) -> SymbolicForm:
-    if system.symbolic is None:
-        raise UsageError("derivatives of resets need a system written in expressions; this has functions.")
-    return system.symbolic
+def _instant(system: System, value: Any, p: Array) -> Array:
+    """dT/dp of a start, a period or a time, which is an expression, a function of p or a number."""
+    if isinstance(value, Expr):
+        values: dict[Any, Any] = {
+            q: sympy.Float(float(p[system.parameters.index(q.name)]), 17) for q in value.free_symbols
+        }
+        by = {q.name: float(value.diff(q).xreplace(values)) for q in values}
+        return np.array([by.get(name, 0.0) for name in system.parameters.names])
+    return plain_instant_slopes(system, value, p) if callable(value) else np.zeros(len(p))

@@ -101,7 +101,8 @@ class SurfaceTable:
                 return entry
             raise ModelError(
                 f"surfaces {entry.declared.name!r} and {surface.name!r} are the same set: "
-                f"{h} = ({factor}) * ({entry.h}). Declare it once."
+                f"{h} = ({factor}) * ({entry.h}). Declare it once. Resets from both sides have "
+                "side='both' and values that tell the sides by dh/dt: Piecewise((a, v < 0), (b, True))."
             )
         return self._enter(h, surface)
 
