@@ -7,14 +7,13 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from filippov import System
+from filippov.base.arrays import Array
 from filippov.kernel.derivative.difference import local_slope
 from filippov.kernel.derivative.exact import Exact
 from filippov.kernel.derivative.overloaded import overloaded
-from filippov.model.system import System
 
-Array = npt.NDArray[np.float64]
 # The magnitude of what is 0, relative to that of the other states, and where these are 0 too.
 _BESIDE, _OF_ZERO = 1e-3, 1e-2
 

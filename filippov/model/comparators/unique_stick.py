@@ -19,7 +19,8 @@ import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 
-Array = npt.NDArray[np.float64]
+from filippov.base.arrays import Array
+
 Interval = tuple[Array, Array]
 MOST_BOXES, MOST_ANGLES = 100_000, 4
 ROUNDED = 1e-12  # of what was added: less is rounding of the arithmetic of intervals
