@@ -138,6 +138,18 @@ def passed(
 
 
 @kernel
+def misses(t: float, length: float, xe: Vector, i: int, value: float, w: Scratch) -> bool:
+    """Whether a landing is farther off than the accuracy of the integration: then it has failed.
+
+    A field that vanishes beyond the surface leads Newton's method off. Moved onto the surface the state would
+    be another one.
+    """
+    went = (abs(t) + abs(length)) * (abs(w.start[2 * i + 1]) + abs(rate(i, w.f, w)))
+    terms = guard_scale(i, t + length, xe, w) + went + WIDTH[i]
+    return abs(value) > float(max(w.touch[i], ASTRAY * EPS * terms if terms <= HUGE else 0.0))
+
+
+@kernel
 def land(
     t: float,
     x: Vector,
@@ -222,12 +234,7 @@ def land(
     # solution has not. Of a linear guard what is left is the error of that; others may jump.
     unseen = LINEAR[i] != 0 and WIDTH[i] == 0.0 and not IMPLICIT
     if code == 0 and sound and cause == ROOT and (unseen or ((CLAMPED or bent) and ROLE[i] == SWITCHING)):
-        # A landing farther off than the accuracy of the integration has failed: a field that vanishes beyond
-        # the surface leads Newton's method off. Moved onto the surface the state would be another one.
-        went = (abs(t) + abs(length)) * (abs(w.start[2 * i + 1]) + abs(rate(i, f, w)))
-        terms = guard_scale(i, t + length, xe, w) + went + WIDTH[i]
-        known = max(w.touch[i], ASTRAY * EPS * terms if terms <= HUGE else 0.0)
-        code = NOT_CONVERGED if abs(value) > known else 0
+        code = NOT_CONVERGED if misses(t, length, xe, i, value, w) else 0
     if code == 0 and sound:
         if cause == ROOT and WIDTH[i] == 0.0:
             code = project_on(t + length, xe, p, m, i, w, ctx)
