@@ -136,9 +136,7 @@ class StickLevels:
         if other.is_nonnegative or other.is_nonpositive:
             size = other if other.is_nonnegative else -other
         else:
-            # Without what it is moved by: that is of the distance from the bands, and so would the reach be.
-            low, high = self.bounds[first]
-            size = self._kink(first, third, "coupling", other) - (high - low) * self.away
+            size = self._kink(first, third, "coupling", other)
         reach = -size * half / own
         alone = given.balanced(1)
         zero = -alone.c[0] / alone.A[0][0] - mean
