@@ -9,7 +9,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.algebra.polynomial import Verdict
-from filippov.analysis.local_stability import straight_lines
+from filippov.analysis.local_stability import boundary_plane, straight_lines
 from filippov.analysis.local_stability.kink_stability import kink_stability, surfaces_at
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Answer, EquilibriumStability, Statement
@@ -51,6 +51,11 @@ def sliding_stability(context: Context, point: EquilibriumPoint) -> EquilibriumS
         if straight_lines.leads_away(context, point):
             answer = "unstable"
             statements.append(Statement(straight_lines.TEXT, straight_lines.SOURCE))
+        elif verdict is Verdict.ASYMPTOTICALLY_STABLE and attracts == "stable":
+            why = boundary_plane.settles(context, point)
+            if why is not None:
+                answer = "asymptotically stable"
+                statements.append(Statement(why, boundary_plane.SOURCE))
     elif surfaces_at(context, point):
         # The roots are those of one side.
         answer, statement = kink_stability(context, point)

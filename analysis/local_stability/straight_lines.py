@@ -26,7 +26,7 @@ def leads_away(context: Context, point: EquilibriumPoint) -> bool:
     """Whether such a solution leaves in the mode of the point, or in one into which it stops sliding."""
     modes = {point.mode}
     for k, i in enumerate(_sliding(point.mode)):
-        side = _end(context, point, i, point.s_value[k])
+        side = end_of_set(context, point, i, point.s_value[k])
         modes |= {m[:i] + "-+"[side > 0] + m[i + 1 :] for m in modes} if side else set()
     return any(_in_mode(context, mode, point) for mode in sorted(modes))
 
@@ -60,7 +60,8 @@ def _in_mode(context: Context, mode: str, point: EquilibriumPoint) -> bool:
             return False
         of_s = -linalg.solve(normal, slopes[on] @ A)
         A = A + G @ of_s
-        sides = [_end(context, point, i, context.number(place[form.s[i]].subs(context.put))) for i in on]
+        held_at = [context.number(place[form.s[i]].subs(context.put)) for i in on]
+        sides = [end_of_set(context, point, i, s) for i, s in zip(on, held_at, strict=True)]
         if None in sides:
             return False
         inwards += [-side * row(of_s[k]) for k, side in enumerate(sides) if side]
@@ -81,10 +82,10 @@ def _sliding(mode: str) -> list[int]:
 def at_bound(context: Context, point: EquilibriumPoint) -> bool:
     """Whether a multiplier of the point is at an end of its set."""
     held = zip(_sliding(point.mode), point.s_value, strict=True)
-    return any(_end(context, point, i, s) != 0 for i, s in held)
+    return any(end_of_set(context, point, i, s) != 0 for i, s in held)
 
 
-def _end(context: Context, point: EquilibriumPoint, i: int, s: float) -> int | None:
+def end_of_set(context: Context, point: EquilibriumPoint, i: int, s: float) -> int | None:
     """The end of its set, 1 or -1, at which a multiplier is; 0 inside, None where that end moves with x."""
     form = context.form
     ends = [e.xreplace(form.sizes_at_mode(point.mode)).subs(context.put) for e in form.radius[i]]
