@@ -4,7 +4,8 @@ Beside the point the surface attracts on one half line, along which solutions sl
 other into the side S where the field f vanishes. Where f turns, every solution in S meets the sliding half
 line within half a turn, no farther away than a constant times where it began; where both eigenvalues of f
 are real and negative, it comes to the point or does the same. So the point attracts if the sliding field
-does, whatever the growth of the turns. Source: Filippov 1988, section 19; Hogan, Homer, Jeffrey & Szalai 2016.
+does, whatever the growth of the turns. Source: Filippov 1988, section 19; Hogan, Homer, Jeffrey & Szalai
+2016.
 """
 
 from __future__ import annotations
