@@ -45,6 +45,7 @@ from filippov.base.keywords import keywords
 from filippov.base.names import Answering, unknown
 from filippov.base.shown import Shown
 from filippov.base.status import mode_text
+from filippov.solving.state.options import check_state
 
 # Cosine of the angle between two tangents below which a step is halved; no branch closes in fewer steps.
 _STRAIGHT, _FEWEST = 0.9, 3
@@ -134,14 +135,15 @@ def _problem(
         fine = finer(event_map.remake(parameters={parameter: at}), float(d), 2e-12)
         return MapProblem(fine, parameter, float(d)), at, others
     if mode is None:
+        some = "such as '+0'" if system.surfaces else "here mode='' (no surfaces)"
         raise UsageError(
-            "the start is a state; an equilibrium needs its mode=, such as '+0'. A cycle is found first: "
+            f"the start is a state; an equilibrium needs its mode=, {some}. A cycle is found first: "
             f"continuation(system, find_orbit(system, x0), parameter={parameter!r}, bounds=...)."
         )
-    p = system.parameters.resolve(parameters)
-    named = dict(zip(system.parameters.names, p.tolist(), strict=True))
+    named = dict(zip(system.parameters.names, system.parameters.resolve(parameters).tolist(), strict=True))
     at = named[parameter] if value is None else float(value)
     signs = system.symbolic.signs(mode) if system.symbolic is not None else tuple(mode)
+    start = check_state(start, system)
     problem = EquilibriumProblem(system, signs, parameter, start, named | {parameter: at}).in_units(at, width)
     return problem, at, {k: v for k, v in named.items() if k != parameter}
 

@@ -45,6 +45,7 @@ _PAST = 4.0
 # The branch beyond comes from the change: the cosine of the angle between it and the way there.
 _LEADS = 0.5
 _CUSP = PREFIX + "cusp"
+_BORDER = "border collision"
 
 
 class EndOfWordError(NoConvergenceError):
@@ -186,7 +187,7 @@ class Crossings:
         if apart < _APART and self._leads(first, onwards):
             special = self._located(first, last, GRAZES if apart > _SAME_SOLUTION else _GRAZES_INSIDE)
             if special is not None:
-                return [special], onwards
+                return [_turning(special, first, onwards)], onwards
         text = f"the nearest solution with the word {last.point.word!r} is on another branch."
         if off_border(corrector.problem, self._named(first, last)) < GRAZES:
             raise EndOfWordError(text, first)
@@ -246,7 +247,7 @@ class Crossings:
             first = before.corrector.problem.orbit(*before.corrector.plain(before.z))
             second = after.corrector.problem.orbit(*after.corrector.plain(after.z))
             if first.signature == second.signature:
-                name = "border collision"
+                name = _BORDER
             else:
                 name, surface, note = name_of_change(first, second)
         note = f"surface {surface!r}: {note}" if surface else note
@@ -438,6 +439,14 @@ def _vanishes(name: str, a: Along, b: Along, at: Along) -> bool:
         return True
     size = max(abs(q.point.tests[name]) for q in (a, b))
     return abs(at.point.tests.get(name, np.inf)) < 1e-3 * size
+
+
+def _turning(special: BranchPoint, before: Along, onwards: Along) -> BranchPoint:
+    """The point with "non-smooth fold" in its note where the parameter turns back beyond the border."""
+    turned = float((onwards.z - before.z)[-1]) * float(before.tangent[-1]) < 0
+    if turned:
+        return replace(special, note=f"non-smooth fold; {special.note}")
+    return replace(special, note=f"persistence; {special.note}") if special.special == _BORDER else special
 
 
 def _last_along(found: list[Array], a: Along, otherwise: Along) -> Along:

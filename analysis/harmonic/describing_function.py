@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 from filippov import System, UsageError
 from filippov.analysis.algebra import linalg
-from filippov.analysis.harmonic.quasi_linear import ComplexArray, Lure, lure, width_unit
+from filippov.analysis.harmonic.quasi_linear import ComplexArray, Lure, lure, shared_input, width_unit
 from filippov.base.arrays import Array
 from filippov.base.escape import figure_text
 from filippov.base.given import Interval
@@ -126,7 +126,8 @@ def describing_function(
 ) -> DescribingFunction:
     """Limit cycles predicted from the first harmonic of the nonlinear terms.
 
-    surface     the surface whose h is their input y; may be left out where there is one
+    surface     the surface whose h is their input y; may be left out where all
+                have the same h up to its sign and a constant, as those of a dead zone: the first then
     amplitudes  range of A that is searched, in the units of h
 
     Raises ModelError where the system has no form x' = A x + phi(y), UsageError for a bad range.
@@ -135,15 +136,7 @@ def describing_function(
     if not 0 < low < high < np.inf:
         raise UsageError(f"amplitudes are {amplitudes}, expected 0 < low < high.")
     if surface is None:
-        names = [item.name for item in system.surfaces]
-        if not names:
-            raise UsageError(
-                "the system has no surface, so there is no sign to describe. Write what jumps with sign: "
-                "System({x: v, v: -x - sign(x)})."
-            )
-        if len(names) != 1:
-            raise UsageError(f"name the input's surface with surface=...; known: {', '.join(names)}")
-        surface = names[0]
+        surface = shared_input(system, parameters)
     split = lure(system, surface, parameters)
     # The h of a width that depends on parameters is held in units of that width.
     unit = width_unit(system, surface, parameters)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 
-from filippov import ModelError, System, t
+from filippov import ModelError, System, UsageError, t
 from filippov.base.arrays import Array
 from filippov.model.symbolic import Select
 
@@ -148,6 +148,29 @@ def lure(system: System, surface: str, parameters: Mapping[str, float] | None = 
 
     widths = np.array([surface.width for surface in system.surfaces])
     return Lure(system.states, matrix, row, offset, evaluate, guard, cuts, widths, slopes)
+
+
+def shared_input(system: System, parameters: Mapping[str, float] | None) -> str:
+    """The first surface, where the h of all others differ from its own by a sign and a constant alone.
+
+    Raises UsageError where they do not, or there is none.
+    """
+    names = [item.name for item in system.surfaces]
+    if not names:
+        raise UsageError(
+            "the system has no surface, so there is no sign to describe. Write what jumps with sign: "
+            "System({x: v, v: -x - sign(x)})."
+        )
+    form = system.symbolic
+    if len(names) > 1 and form is not None:
+        values = dict(zip(form.p, system.parameters.resolve(parameters).tolist(), strict=True))
+        h = [e.xreplace(values) for e in form.h]
+        constant = [any((e - way * h[0]).expand().is_number for way in (1, -1)) for e in h]
+        if all(constant):
+            return names[0]
+    if len(names) != 1:
+        raise UsageError(f"name the input's surface with surface=...; known: {', '.join(names)}")
+    return names[0]
 
 
 def width_unit(system: System, surface: str, parameters: Mapping[str, float] | None) -> float:

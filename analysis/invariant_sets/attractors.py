@@ -173,7 +173,7 @@ class Attractors(Told):
 @keywords()
 def attractors(
     system: System,
-    box: Mapping[str, Sequence[float]],
+    box: Mapping[Any, Sequence[float]],
     *,
     parameters: Mapping[str, float] | None = None,
     section: Section | None = None,
@@ -215,6 +215,7 @@ def attractors(
     Two attractors closer than `reach`, or a basin that is narrower, are not distinguished. Angles are not
     taken modulo 2 pi: a state that rotates forever escapes. Ctrl-C returns what is done. Raises UsageError.
     """
+    box = {getattr(state, "name", state): ends for state, ends in box.items()}
     low, size = _box(system, box)
     for name, value in (
         ("cells", cells),

@@ -82,7 +82,7 @@ class StateMap:
         if section is not None:
             self.duration = float(section.t_max)
         elif self.kind == "strobe":
-            self.duration = Period(system, period)(self.p)
+            self.duration = Period(system, period).following(self.p)(self.p)
         else:
             self.duration = 1.0 if step is None else float(step)
         self.options: dict[str, Any] = {

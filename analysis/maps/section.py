@@ -51,7 +51,7 @@ class Section:
     surface: str
     kind: str
     coordinate: Any
-    parametrisation: Mapping[str, Any] | Callable[..., Any] | None = field(default=None, hash=False)
+    parametrisation: Mapping[Any, Any] | Callable[..., Any] | None = field(default=None, hash=False)
     t_max: float = 100.0
     after: str = ""
 
@@ -138,9 +138,8 @@ class BoundSection:
         given = section.parametrisation
         if given is not None and not callable(given):
             # Sections are bound again and again: to systems that differ in numbers, by every search.
-            self._functions = _compiled(
-                tuple(given.items()), tuple(system.states), tuple(system.parameters)
-            )
+            named = tuple((getattr(state, "name", state), value) for state, value in given.items())
+            self._functions = _compiled(named, tuple(system.states), tuple(system.parameters))
 
     @property
     def index(self) -> int:

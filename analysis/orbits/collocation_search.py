@@ -96,9 +96,10 @@ def collocated_from(
     """The orbit at other parameter values by collocation, from this one. Raises as `find_orbit` does."""
     system = orbit.system
     p = resolved(system, {**orbit.parameters, **(parameters or {})})
+    old = resolved(system, orbit.parameters)
     known = orbit.problem or Shooting(
         system, orbit.x0, np.zeros_like(orbit.x0), orbit.t0, method=orbit.method,
-        period=Period(system, orbit.period) if orbit.forced else None,
+        period=Period(system, orbit.period).following(old) if orbit.forced else None,
     )  # fmt: skip
     base = replace(known, rtol=rtol, atol=atol, shares=(1.0,), sliding=((),))
     values = dict(zip(system.parameters.names, p.tolist(), strict=True))

@@ -124,8 +124,9 @@ def find_orbit(
     matrix, symmetry_order = symmetry_matrix(symmetry, system)
     forced = is_forced(system) or (period is not None and not isinstance(period, int | float))
     base = Shooting(
-        system, x0, np.zeros_like(x0), t0, period=Period(system, period) if forced else None, symmetry=matrix,
-        symmetry_order=symmetry_order, rtol=rtol, atol=atol, method=method, jacobian=jacobian,
+        system, x0, np.zeros_like(x0), t0, period=Period(system, period).following(p) if forced else None,
+        symmetry=matrix, symmetry_order=symmetry_order, rtol=rtol, atol=atol, method=method,
+        jacobian=jacobian,
     )  # fmt: skip
     search = _Search(base, p, nodes, t_max, progress, collocation)
     if several:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
@@ -18,6 +19,14 @@ from filippov.base.given import positive
 from filippov.base.signature import check_signature
 from filippov.model.expression import parse_expression
 from filippov.model.signals.input import Sampled
+
+# Parts of the forcing's period that are tried, the relative error of a period given as a number, and at how
+# many states and times equations are compared.
+_PARTS, _SAME, _DRAWS = 64, 1e-9, 7
+
+
+def _close(a: Array, b: Array) -> bool:
+    return bool(np.allclose(a, b, rtol=_SAME, atol=_SAME))
 
 
 @lru_cache(maxsize=128)
@@ -90,6 +99,8 @@ class Period:
 
     def __init__(self, system: System, given: Any = None) -> None:
         self.system, self._function = system, None
+        # Whether it is read off the system, and whether it is a number.
+        self.read, self.number = given is None, isinstance(given, int | float | np.number)
         self.text: str | float | None = given if isinstance(given, str | float | int) else None
         if given is None:
             given = forcing_period(system)
@@ -138,6 +149,54 @@ class Period:
             return np.array(moved) / (2 * reach)
 
         return value, slopes
+
+    def following(self, p: Array) -> Period:
+        """This period where it is one of the forcing at p (P,); a number then follows the parameters.
+
+        A solution that returns after any other time is not periodic: UsageError. Where the period of the
+        forcing cannot be read off the system there is nothing to compare with.
+        """
+        if self.read or forcing_period(self.system) is None:
+            return self
+        least = Period(self.system)
+        ratio = self(p) / least(p)
+        count = Fraction(ratio).limit_denominator(_PARTS)
+        if count <= 0 or abs(ratio - count) > _SAME * count or not self._repeats(p, count):
+            raise UsageError(
+                f"period is {self(p):.12g}, and the forcing repeats after {least(p):.12g} at these "
+                "parameters; expected a multiple of that. Leave period out, or give it as a formula in "
+                "the parameters."
+            )
+        return least.times(float(count)) if self.number else self
+
+    def _repeats(self, p: Array, count: Fraction) -> bool:
+        """Whether the equations repeat after a part of the period that is read off, as cos(t)**2 does."""
+        form = self.system.symbolic
+        if count.denominator == 1:
+            return True
+        if form is None or self.system.time_events:
+            return False
+        rest = [e for e in form.expressions() if e not in form.h]
+        if any(e.atoms(Sampled) for e in (*rest, *form.h)):
+            return False
+        symbols = [time, *form.x, *form.s, *form.a, *form.p]
+        heights, others = (sympy.lambdify(symbols, list(e), "numpy") for e in (form.h, rest))
+        draws = np.random.default_rng(0).uniform(0.1, 1.0, (_DRAWS, len(symbols) - len(form.p)))
+        later = draws + np.eye(1, draws.shape[1]) * self(p)
+
+        def at(function: Callable[..., Any], rows: Array) -> Array:
+            with np.errstate(all="ignore"):
+                return np.array([function(*row, *p) for row in rows], dtype=float)
+
+        before, after = at(heights, draws), at(heights, later)
+        # An h that changes its sign, as that of |sin(t)| does, is the same surface with its sides exchanged.
+        turned = np.array([
+            q.kind in ("switching", "kink") and not q.width and radius == (-1, 1) and _close(u, -v)
+            for q, radius, u, v in zip(self.system.surfaces, form.radius, before.T, after.T, strict=True)
+        ], dtype=bool)  # fmt: skip
+        side = np.where(turned, -1.0, 1.0)
+        later[:, 1 + len(form.x) : 1 + len(form.x) + len(form.s)] *= side
+        return _close(before, after * side) and _close(at(others, draws), at(others, later))
 
     def times(self, count: float) -> Period:
         """A multiple of this period, or a part of it."""
