@@ -158,18 +158,18 @@ class Period:
         """
         if self.read or forcing_period(self.system) is None:
             return self
-        least = Period(self.system)
-        ratio = self(p) / least(p)
+        least, own = Period(self.system), float(self._value(p))
+        ratio = own / least(p)
         count = Fraction(ratio).limit_denominator(_PARTS)
-        if count <= 0 or abs(ratio - count) > _SAME * count or not self._repeats(p, count):
+        if count <= 0 or abs(ratio - count) > _SAME * count or not self._repeats(p, count, own):
             raise UsageError(
-                f"period is {self(p):.12g}, and the forcing repeats after {least(p):.12g} at these "
+                f"period is {own:.12g}, and the forcing repeats after {least(p):.12g} at these "
                 "parameters; expected a multiple of that. Leave period out, or give it as a formula in "
                 "the parameters."
             )
         return least.times(float(count)) if self.number else self
 
-    def _repeats(self, p: Array, count: Fraction) -> bool:
+    def _repeats(self, p: Array, count: Fraction, own: float) -> bool:
         """Whether the equations repeat after a part of the period that is read off, as cos(t)**2 does."""
         form = self.system.symbolic
         if count.denominator == 1:
@@ -182,7 +182,7 @@ class Period:
         symbols = [time, *form.x, *form.s, *form.a, *form.p]
         heights, others = (sympy.lambdify(symbols, list(e), "numpy") for e in (form.h, rest))
         draws = np.random.default_rng(0).uniform(0.1, 1.0, (_DRAWS, len(symbols) - len(form.p)))
-        later = draws + np.eye(1, draws.shape[1]) * self(p)
+        later = draws + np.eye(1, draws.shape[1]) * own
 
         def at(function: Callable[..., Any], rows: Array) -> Array:
             with np.errstate(all="ignore"):
