@@ -82,3 +82,31 @@ def test_absolute_values_of_one_side_do_not_repeat_after_half_a_period() -> None
     with pytest.raises(UsageError, match="expected a multiple"):
         find_orbit(system, (0.1, 0.1), period=pi / 2)
     assert abs(find_orbit(system, (0.1, 0.1), period=pi).period - pi) < 1e-12
+
+
+def plain(c: float, w: float) -> System:
+    def field(t: float, x: Any, p: Any, s: Any) -> list[float]:
+        return [x[1], -x[0] - c * x[1] + np.cos(p.w * t)]
+
+    return System(field=field, states="x v", parameters={"w": w})
+
+
+def test_the_period_of_plain_functions_is_compared_with_their_values() -> None:
+    system = plain(0.2, 2.0)
+    orbit = find_orbit(system, (0, 0), period=pi)
+    assert abs(orbit.amplitude["x"] - amplitude(0.2, 2.0)) < 1e-9
+    assert abs(find_orbit(system, (0, 0), period=2 * pi).period - pi) < 1e-12
+    for period in (3.0, 3.14159, pi / 2):
+        with pytest.raises(UsageError, match=r"the equations do not repeat after that time where w = 2\."):
+            find_orbit(system, (0, 0), period=period)
+    with pytest.raises(UsageError, match=r"period is 3\.14159265359, .* period='2\*pi/omega'"):
+        continuation(system, orbit, parameter="w", bounds=(1.5, 3.0)).run()
+
+
+def test_a_formula_follows_the_frequency_of_plain_functions() -> None:
+    system = plain(0.2, 2.0)
+    orbit = find_orbit(system, (0, 0), period="2*pi/w")
+    branch = continuation(system, orbit, parameter="w", bounds=(1.5, 3)).run()
+    assert {branch.values[0], branch.values[-1]} == {1.5, 3.0}
+    for point in branch.points:
+        assert abs(point.coordinates["amplitude x"] - amplitude(0.2, point.value)) < 1e-8

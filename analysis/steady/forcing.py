@@ -13,6 +13,7 @@ import sympy
 from filippov import ModelError, System, UsageError
 from filippov import t as time
 from filippov.analysis.algebra.polynomial import exact
+from filippov.analysis.steady.repetition import repeats
 from filippov.base.arrays import Array
 from filippov.base.changed import changed
 from filippov.base.given import positive
@@ -20,13 +21,8 @@ from filippov.base.signature import check_signature
 from filippov.model.expression import parse_expression
 from filippov.model.signals.input import Sampled
 
-# Parts of the forcing's period that are tried, the relative error of a period given as a number, and at how
-# many states and times equations are compared.
-_PARTS, _SAME, _DRAWS = 64, 1e-9, 7
-
-
-def _close(a: Array, b: Array) -> bool:
-    return bool(np.allclose(a, b, rtol=_SAME, atol=_SAME))
+# Parts of the forcing's period that are tried, and the relative error of a period given as a number.
+_PARTS, _SAME = 64, 1e-9
 
 
 @lru_cache(maxsize=128)
@@ -154,14 +150,16 @@ class Period:
         """This period where it is one of the forcing at p (P,); a number then follows the parameters.
 
         A solution that returns after any other time is not periodic: UsageError. Where the period of the
-        forcing cannot be read off the system there is nothing to compare with.
+        forcing cannot be read off the system, its equations are compared wherever this period is asked for.
         """
-        if self.read or forcing_period(self.system) is None:
+        if self.read:
             return self
+        if forcing_period(self.system) is None:
+            return changed(self, _value=self._compared)
         least, own = Period(self.system), float(self._value(p))
         ratio = own / least(p)
         count = Fraction(ratio).limit_denominator(_PARTS)
-        if count <= 0 or abs(ratio - count) > _SAME * count or not self._repeats(p, count, own):
+        if count <= 0 or abs(ratio - count) > _SAME * count or not self._is_part(p, count, own):
             raise UsageError(
                 f"period is {own:.12g}, and the forcing repeats after {least(p):.12g} at these "
                 "parameters; expected a multiple of that. Leave period out, or give it as a formula in "
@@ -169,34 +167,24 @@ class Period:
             )
         return least.times(float(count)) if self.number else self
 
-    def _repeats(self, p: Array, count: Fraction, own: float) -> bool:
-        """Whether the equations repeat after a part of the period that is read off, as cos(t)**2 does."""
-        form = self.system.symbolic
-        if count.denominator == 1:
-            return True
-        if form is None or self.system.time_events:
-            return False
-        rest = [e for e in form.expressions() if e not in form.h]
-        if any(e.atoms(Sampled) for e in (*rest, *form.h)):
-            return False
-        symbols = [time, *form.x, *form.s, *form.a, *form.p]
-        heights, others = (sympy.lambdify(symbols, list(e), "numpy") for e in (form.h, rest))
-        draws = np.random.default_rng(0).uniform(0.1, 1.0, (_DRAWS, len(symbols) - len(form.p)))
-        later = draws + np.eye(1, draws.shape[1]) * own
+    def _is_part(self, p: Array, count: Fraction, own: float) -> bool:
+        whole, form = count.denominator == 1, self.system.symbolic
+        if whole or form is None or self.system.time_events:
+            return whole
+        return not any(e.atoms(Sampled) for e in form.expressions()) and repeats(self.system, p, own)
 
-        def at(function: Callable[..., Any], rows: Array) -> Array:
-            with np.errstate(all="ignore"):
-                return np.array([function(*row, *p) for row in rows], dtype=float)
-
-        before, after = at(heights, draws), at(heights, later)
-        # An h that changes its sign, as that of |sin(t)| does, is the same surface with its sides exchanged.
-        turned = np.array([
-            q.kind in ("switching", "kink") and not q.width and radius == (-1, 1) and _close(u, -v)
-            for q, radius, u, v in zip(self.system.surfaces, form.radius, before.T, after.T, strict=True)
-        ], dtype=bool)  # fmt: skip
-        side = np.where(turned, -1.0, 1.0)
-        later[:, 1 + len(form.x) : 1 + len(form.x) + len(form.s)] *= side
-        return _close(before, after * side) and _close(at(others, draws), at(others, later))
+    def _compared(self, p: Array) -> float:
+        """The period, after which the equations repeat at p, or UsageError."""
+        own = self._value(p)
+        if not self.system.time_events and not repeats(self.system, p, own):
+            values = zip(self.system.parameters.names, p.tolist(), strict=True)
+            where = ", ".join(f"{name} = {value:.9g}" for name, value in values)
+            raise UsageError(
+                f"period is {own:.12g}, and the equations do not repeat after that time"
+                f"{f' where {where}' if where else ''}. Give it in full accuracy, and as a formula where it "
+                "depends on parameters: period='2*pi/omega'."
+            )
+        return own
 
     def times(self, count: float) -> Period:
         """A multiple of this period, or a part of it."""
