@@ -443,7 +443,7 @@ def test_16_3_a_file_drives_a_model_from_the_command(tmp_path, capsys) -> None:
     assert same.tolist() == rows[:, :3].tolist()
     for wrong, said in (
         ("steps.csv", "expected NAME=FILE.csv"), (flag + ",kin=hold", "did you mean 'kind'"),
-        (flag.replace("r=", "rr=", 1), "did you mean 'r'"), (f"r={tmp_path}/none.csv", "cannot be read"),
+        (flag.replace("r=", "rr=", 1), "did you mean 'r'"), (f"r={tmp_path}/none.csv", "there is no file"),
         (flag + ",value=h", "unknown column 'h'"), (flag + ",period=x", "expected a number"),
     ):  # fmt: skip
         assert main([*words, "--input", wrong]) == 2

@@ -81,8 +81,9 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 def content(folder: Path) -> dict[str, bytes]:
-    """All files with what they hold."""
-    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+    """All files with what they hold, but for Python's own byte code."""
+    files = (p for p in sorted(folder.rglob("*")) if p.is_file() and p.suffix != ".pyc")
+    return {str(p.relative_to(folder)): p.read_bytes() for p in files}
 
 
 def names(folder: Path) -> set[str]:

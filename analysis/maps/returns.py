@@ -107,7 +107,8 @@ def _of_events(bound: BoundSection, x0: Array, count: int, t0: float, options: d
         most = options["max_events"] if number == count else min(options["max_events"], _OTHERS * number)
         run, found, late = _run_to(bound, x0, number, t0, {**options, "max_events": most})
         kept = int(late[0]) if late.size else len(found)
-        rests = len(found) == kept < number and _rests(run, found[-1].t if kept else t0)
+        # Where it rests rounding makes events, too.
+        rests = kept < number and _rests(run, found[kept - 1].t if kept else t0)
         if number < count and (kept == number or run.status is Status.MAX_EVENTS):
             rests = is_still(run, run.events[-_LAST].t)
         elif kept < number:
@@ -169,7 +170,8 @@ def _strobed(
 
 def _rests(run: Solution, since: float) -> bool:
     """Whether nothing moves in the last half of the time after the last event."""
-    return run.status is Status.SUCCESS and is_still(run, 0.5 * (since + run.t_end))
+    done = run.status in (Status.SUCCESS, Status.STOPPED)
+    return done and is_still(run, 0.5 * (since + run.t_end))
 
 
 def is_still(run: Solution, since: float) -> bool:

@@ -39,9 +39,9 @@ def compile_unit(
     options = binding.create_pipeline_tuning_options(speed_level=2)
     # Loops whose length is known only at run time are short, and gain nothing by unrolling.
     options.loop_unrolling = not unit.shape
-    # Lanes are vectors as written. Pairs looked for in straight code take most of the time of a long unit,
-    # and make its recurrences slower.
-    options.slp_vectorization = options.loop_vectorization = False
+    # Pairs looked for in the straight code of a system take most of the time of a long unit, and make its
+    # recurrences slower.
+    options.slp_vectorization, options.loop_vectorization = given is None, False
     builder = binding.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
     return bytes(machine.emit_object(module))

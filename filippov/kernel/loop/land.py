@@ -13,6 +13,7 @@ from filippov.kernel.loop.model import (
     G_FIRST,
     IMPLICIT,
     LINEAR,
+    NON_LIPSCHITZ,
     RESET_FROM,
     ROLE,
     ROOTED,
@@ -232,7 +233,8 @@ def land(
     sound = abs(value) < 1e300 and abs(change) <= INF
     # A step that is long beside a layer in which the solution relaxes has roots in its dense output that the
     # solution has not. Of a linear guard what is left is the error of that; others may jump.
-    unseen = LINEAR[i] != 0 and WIDTH[i] == 0.0 and not IMPLICIT
+    # Where a power of h ends at it the solution is steeper than any step sees.
+    unseen = LINEAR[i] != 0 and WIDTH[i] == 0.0 and not (IMPLICIT or NON_LIPSCHITZ)
     if code == 0 and sound and cause == ROOT and (unseen or ((CLAMPED or bent) and ROLE[i] == SWITCHING)):
         code = NOT_CONVERGED if misses(t, length, xe, i, value, w) else 0
     if code == 0 and sound:
