@@ -1,5 +1,6 @@
 """Karnopp and Switch on joints that a mass matrix couples: inertia by the places, and three frictions."""
 
+import os
 from itertools import combinations, product
 from typing import Any
 
@@ -28,6 +29,7 @@ from filippov.model.comparators.unique_stick import unique
 
 x1, v1, x2, v2, x3, v3 = states("x1 v1 x2 v2 x3 v3")
 KINDS = [Switch, Karnopp]
+MATRICES = {"ci": 100, "nightly": 100}.get(os.environ.get("FILIPPOV_PROFILE", ""), 30)
 ETA = parameters(eta=Parameter(1e-3, lower=1e-12)).eta
 # A two-link arm: inertia, coupling, that of the second link, weight, friction, drives.
 ARM = {"a": 3.0, "b": 0.5, "d": 0.9, "g": 0.3, "f1": 0.9, "f2": 0.6, "u1": 2.5, "u2": 1.2}
@@ -133,12 +135,12 @@ def test_15_1_the_stick_through_any_mass_matrix_is_the_one_of_all_its_cases(kind
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("n", [2, 3])
-def test_15_1_a_hundred_mass_matrices_go_to_the_exact_solution(kind: Any, n: int) -> None:
+def test_15_1_many_mass_matrices_go_to_the_exact_solution(kind: Any, n: int) -> None:
     """The error is of first order in the width."""
     exact = chain(n)
     made = exact.with_comparator(kind(ETA))
     times, orders = np.linspace(0, 8, 321), []
-    for seed in range(100):
+    for seed in range(MATRICES):
         rng = np.random.default_rng(seed)
         given, _ = drawn(rng, n)
         x0 = [*rng.uniform(-1, 1, n), *(rng.uniform(-1, 1, n) * (rng.random(n) < 0.6))]
@@ -153,7 +155,7 @@ def test_15_1_a_hundred_mass_matrices_go_to_the_exact_solution(kind: Any, n: int
         assert errors[-1] < 1e-4, (seed, errors)
         if errors[-1] > 1e-8:
             orders.append(np.log10(errors[0] / errors[1]))
-    assert len(orders) > 90
+    assert len(orders) > 0.9 * MATRICES
     assert min(orders) > 0.8
     assert np.median(orders) == pytest.approx(1, abs=0.03)
 

@@ -1,6 +1,7 @@
 """Branches of orbits across non-smooth folds, against scipy: belts and stops drawn at random."""
 
 import math
+import os
 
 import fold_draws
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from filippov import Surface, System, cos, exp, parameters, sign, sin, states, t
 from filippov.analysis import continuation, find_orbit
 
+DRAWS = {"ci": 8, "nightly": 100}.get(os.environ.get("FILIPPOV_PROFILE", ""), 4)
 X, V = states("x v")
 # Slip orbit that grazes the belt's speed, by scipy; Hopf point where the force falls as the damping grows.
 GRAZING, HOPF = 0.97331525, 0.1 * math.log(40)
@@ -26,14 +28,14 @@ def ball() -> System:
                   parameters=p)  # fmt: skip
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(DRAWS))
 def test_belts_under_falling_friction(seed: int) -> None:
     member = fold_draws.Belt.draw(seed)
     for branch in member.branches():
         assert not list(member.faults(branch)), (member, branch.message)
 
 
-@pytest.mark.parametrize("seed", [*range(8), 119])
+@pytest.mark.parametrize("seed", [*range(DRAWS), 119])
 def test_oscillators_with_a_stop(seed: int) -> None:
     member = fold_draws.Stop.draw(seed)
     for branch in member.branches():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 import sympy
@@ -12,6 +14,7 @@ from verdict_draws import examine
 from filippov.analysis.local_stability.stability import StabilityReport, stability_report
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 
+DRAWS = {"ci": 5, "nightly": 50}.get(os.environ.get("FILIPPOV_PROFILE", ""), 3)
 NEAR = 1e-6
 MOST_OPEN = 5
 
@@ -49,7 +52,7 @@ def test_12_11_no_verdict_is_wrong(kind: str) -> None:
 
 
 # One of each kind; `tests/campaigns.py verdicts` draws them at will.
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(DRAWS))
 def test_12_random_systems_have_the_verdicts_of_their_motions(seed: int) -> None:
     faults, _ = examine(seed)
     assert not faults
