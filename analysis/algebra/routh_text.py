@@ -11,7 +11,7 @@ import sympy
 from filippov.analysis.algebra.number_text import LONGEST, Printer
 from filippov.analysis.algebra.routh_array import Special
 from filippov.analysis.algebra.routh_result import RouthResult
-from filippov.base.told import plain_data
+from filippov.base.shown import plain_data
 
 Formula = Callable[[Any], str]
 WIDEST_TABLE = 140

@@ -187,7 +187,9 @@ class Crossings:
         if apart < _APART and self._leads(first, onwards):
             special = self._located(first, last, GRAZES if apart > _SAME_SOLUTION else _GRAZES_INSIDE)
             if special is not None:
-                return [_turning(special, first, onwards)], onwards
+                same = (onwards.z - first.z)[-1] * first.tangent[-1] >= 0
+                told = _noted(special, same) if not same or special.special == _BORDER else special
+                return [told], onwards
         text = f"the nearest solution with the word {last.point.word!r} is on another branch."
         if off_border(corrector.problem, self._named(first, last)) < GRAZES:
             raise EndOfWordError(text, first)
@@ -274,8 +276,7 @@ class Crossings:
         for at in other_sides(last):
             special = self._located(last, at, max(GRAZES, self.min_step))
             if special is not None:
-                kind = "non-smooth fold" if at.tangent[-1] * a.tangent[-1] < 0 else "persistence"
-                return replace(special, note=f"{kind}; {special.note}"), at
+                return _noted(special, at.tangent[-1] * a.tangent[-1] >= 0), at
         return None
 
     def blocked(self, a: Along) -> BranchPoint | None:
@@ -392,7 +393,7 @@ class Crossings:
 def _boundary_point(at: Along, test: str, same: bool, others: list[Any]) -> BranchPoint:
     """The boundary equilibrium at which a test vanishes; same: whether the branch goes on, not back."""
     problem, onto = at.corrector.problem, tuple(mode_text(other.mode) for other in others)
-    note = f"{'persistence' if same else 'non-smooth fold'}; {test}: {problem.mode} -> {others[0].mode}"
+    note = f"{_way(same)}; {test}: {problem.mode} -> {others[0].mode}"
     note += "".join(f"; another branch leaves in mode {mode}" for mode in onto[1:])
     named = at.point.named("boundary equilibrium", problem.kind)
     return replace(named, note=note, test=test, onto=onto)
@@ -441,12 +442,13 @@ def _vanishes(name: str, a: Along, b: Along, at: Along) -> bool:
     return abs(at.point.tests.get(name, np.inf)) < 1e-3 * size
 
 
-def _turning(special: BranchPoint, before: Along, onwards: Along) -> BranchPoint:
-    """The point with "non-smooth fold" in its note where the parameter turns back beyond the border."""
-    turned = float((onwards.z - before.z)[-1]) * float(before.tangent[-1]) < 0
-    if turned:
-        return replace(special, note=f"non-smooth fold; {special.note}")
-    return replace(special, note=f"persistence; {special.note}") if special.special == _BORDER else special
+def _way(same: bool) -> str:
+    return "persistence" if same else "non-smooth fold"
+
+
+def _noted(special: BranchPoint, same: bool) -> BranchPoint:
+    """The point with a note of whether the parameter goes on beyond the border, or turns back."""
+    return replace(special, note=f"{_way(same)}; {special.note}")
 
 
 def _last_along(found: list[Array], a: Along, otherwise: Along) -> Along:

@@ -23,7 +23,7 @@ from filippov.base.arrays import Array
 from filippov.base.given import Axis, Count, Interval, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.base.told import Told
+from filippov.base.shown import Told
 from filippov.plot.style import axis_labels, coordinate_labels
 
 CHUNK = 20_000

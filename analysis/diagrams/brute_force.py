@@ -20,7 +20,7 @@ from filippov.base.arrays import Array
 from filippov.base.given import Count, Natural, Positive, as_float, shown
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.base.told import Told
+from filippov.base.shown import Told
 from filippov.plot.style import axis_label, coordinate_labels
 
 REST = 1e-8

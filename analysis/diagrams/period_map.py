@@ -20,7 +20,7 @@ from filippov.base.arrays import Array, Whole
 from filippov.base.given import Axis, Count, Natural, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.base.told import Told
+from filippov.base.shown import Told
 from filippov.plot.style import axis_labels
 
 UNKNOWN = -1

@@ -26,7 +26,7 @@ from filippov.base.arrays import Array, Whole
 from filippov.base.given import Axis, Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.base.told import Told
+from filippov.base.shown import Told
 from filippov.plot.style import axis_labels
 from filippov.sweep.rows import ERROR
 from filippov.sweep.run import run

@@ -33,7 +33,7 @@ from filippov.base.escape import figure_text
 from filippov.base.given import Count, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.base.told import Told
+from filippov.base.shown import Told
 
 HOLDS = ("auto", "cubic", "first", "zero")
 

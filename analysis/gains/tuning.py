@@ -23,7 +23,7 @@ from filippov.base.arrays import Array
 from filippov.base.given import Count, Interval, Natural, row, shown
 from filippov.base.keywords import keywords, renamed
 from filippov.base.names import unknown
-from filippov.base.told import Told
+from filippov.base.shown import Told
 
 ROUNDS, BISECTIONS, SHELL = 32, 8, 16
 # A box is looked for while it may be larger than the best by this share of its half-width.

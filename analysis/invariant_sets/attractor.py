@@ -12,7 +12,7 @@ import numpy.typing as npt
 from filippov import System, UsageError
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.base.arrays import Array
-from filippov.base.told import Told
+from filippov.base.shown import Told
 
 AttractorKind = Literal["equilibrium", "equilibrium set", "periodic", "chaotic", "aperiodic"]
 # Points of a period between which an autonomous orbit is taken for straight.

@@ -37,7 +37,7 @@ from filippov.base.arrays import Array
 from filippov.base.given import Count, Natural, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
-from filippov.base.told import Told
+from filippov.base.shown import Told
 from filippov.io.stored_system import system_data
 
 FORMAT, VERSION = "filippov attractors", 1

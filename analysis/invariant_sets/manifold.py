@@ -25,8 +25,8 @@ from filippov.analysis.orbits.saddle import Saddle, Side, saddle
 from filippov.base.arrays import Array
 from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
+from filippov.base.shown import Told
 from filippov.base.status import Status, mode_text
-from filippov.base.told import Told
 
 OFFSET = 1e-6
 INSIDE, CHUNKS, DOUBLED = 8, 400, 6

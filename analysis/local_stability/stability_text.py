@@ -22,7 +22,7 @@ from filippov.analysis.local_stability.stability_result import (
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Stopped
 from filippov.base.escape import latex, markdown, printable
 from filippov.base.json_text import json_text
-from filippov.base.told import plain_data
+from filippov.base.shown import plain_data
 
 
 @dataclass(frozen=True)

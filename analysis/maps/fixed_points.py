@@ -22,7 +22,7 @@ from filippov.analysis.maps.map_units import finer, map_units
 from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.base.arrays import Array, Whole
-from filippov.base.told import Told
+from filippov.base.shown import Told
 
 if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ScalarMap

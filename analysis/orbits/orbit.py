@@ -19,8 +19,8 @@ from filippov.analysis.orbits.shooting import Shooting
 from filippov.base.arrays import Array, Complex
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
+from filippov.base.shown import Told
 from filippov.base.status import EventKind, mode_text
-from filippov.base.told import Told
 from filippov.graphs.word import word_of
 from filippov.io.stored_system import system_data, system_of
 from filippov.solving.state.events import Event, Mode

@@ -31,9 +31,8 @@ from filippov.base.escape import printable
 from filippov.base.given import Count, NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
-from filippov.base.shown import Shown
+from filippov.base.shown import Shown, plain_data
 from filippov.base.status import Status, mode_text
-from filippov.base.told import plain_data
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

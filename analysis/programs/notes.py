@@ -9,7 +9,7 @@ from typing import Any
 from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
-from filippov.base.told import Told
+from filippov.base.shown import Told
 
 
 class ReadingError(ModelError):

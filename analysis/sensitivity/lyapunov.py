@@ -19,7 +19,7 @@ from filippov.analysis.sensitivity.carried_basis import CarriedBasis
 from filippov.base.arrays import Array
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
-from filippov.base.told import Told
+from filippov.base.shown import Told
 from filippov.plot.style import time_unit
 from filippov.solving.state.options import Options, check_state
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, Status, stopped_at
 from filippov.kernel.tables import codes
 from filippov.model.user_event import UserEvent
@@ -42,7 +43,6 @@ from filippov.solving.state.change import Jump, change_of
 from filippov.solving.state.clocks import Clocks
 from filippov.solving.state.events import Event, Mode
 from filippov.solving.state.knot import goes_on
-from filippov.solving.state.machine import Array
 from filippov.solving.state.options import Options
 from filippov.solving.state.problem import Problem
 from filippov.solving.state.ready import put_back, ready

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov.base.arrays import Array as Array  # noqa: PLC0414 (the loop takes it from here)
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError
 from filippov.kernel.codegen.build import Compiled, build, generation
 from filippov.kernel.codegen.callback import Callbacks, EventCallbacks, callback_unit, new_context
