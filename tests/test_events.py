@@ -471,3 +471,27 @@ def test_times_are_those_of_the_events() -> None:
         np.testing.assert_array_equal(times, [event.t for event in run.events])
         np.testing.assert_array_equal(times, run.events.t)
     assert solve(relay, (1,), (0, 1e-3)).events.t.shape == (0,)
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Taylor", "Radau"])
+def test_a_level_is_observed_where_the_state_is_large_beside_its_swing(method: str) -> None:
+    """x = offset + swing cos(w t), the swing 20 to 10,000 times the tolerance of x: each crossing an event.
+
+    A level that was crossed once counted as an integral of the motion, and the run ended at a later crossing.
+    """
+    y, u = states("y u")
+    k = parameters(offset=1.0, w=1.0, level=1.0)
+    level = Surface("level", y - k.level, kind="observer")
+    system = System({y: k.w * u, u: -k.w * (y - k.offset)}, surfaces=[level])
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        offset, rtol, w = 10 ** rng.uniform(0, 5), 10 ** rng.uniform(-9, -3), rng.uniform(0.5, 3)
+        swing, part = rtol * offset * 10 ** rng.uniform(1.3, 4), rng.uniform(-0.6, 0.6)
+        values = {"offset": offset, "w": w, "level": offset + part * swing}
+        run = solve(
+            system, (offset + swing, 0), (0, 30), parameters=values, method=method, rtol=rtol, atol=1e-3 * rtol
+        )
+        turns = 2 * np.pi * np.arange(15)
+        wanted = np.sort(np.concatenate([turns + np.arccos(part), turns + 2 * np.pi - np.arccos(part)])) / w
+        assert run.success, run.message
+        assert len(run.events) == np.count_nonzero(wanted < 30)

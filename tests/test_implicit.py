@@ -70,6 +70,45 @@ def test_lu_factors_solve_real_and_complex_systems(n: int) -> None:
     assert not dense_lu.factor_complex(np.zeros(n * n), np.zeros(n * n), pivots, n)
 
 
+# Between the steps: a method that looks at their ends only passes a fast decay in one, and draws it wrong.
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_dense_output_and_events_hold_in_fast_decays(seed: int) -> None:
+    """x rises from 0 to 1 and falls back, y follows it at any rate; y has a closed form."""
+    rng = np.random.default_rng(seed)
+    rate, rtol, level = 10 ** rng.uniform(1, 8), 10 ** rng.uniform(-10, -4), rng.uniform(0.2, 0.8)
+    edges = [Surface("top", x - 1, reset={x: 0 * x}, side="-"), Surface("level", y - level, kind="observer")]
+    system = System({x: 1 + 0 * x, y: -rate * (y - x)}, surfaces=edges)
+    got = radau(system, (0, 0.9), (0, 2.5), rtol=rtol, atol=1e-2 * rtol)
+
+    def wanted(times: Any) -> Any:
+        first = np.array(0.9)
+        starts = [first := 1 - 1 / rate + (first + 1 / rate) * np.exp(-rate) for _ in range(2)]
+        tooth = np.floor(times).astype(int)
+        since = times - tooth
+        return since - 1 / rate + (np.array([0.9, *starts])[tooth] + 1 / rate) * np.exp(-rate * since)
+
+    decay = np.geomspace(1e-2 / rate, 0.49, 2000)
+    times = np.sort(np.concatenate([np.linspace(0.005, 2.495, 500), decay, 1 + decay, 2 + decay]))
+    # The rounding of t is one of rate times it in y.
+    allowed = 2 * rtol + 8e-16 * rate
+    assert np.max(np.abs(got.sol(times)[1] - wanted(times))) < allowed
+    found = np.array([event.t for event in got.events if event.surface == "level"])
+    signs = np.sign(wanted(times) - level)
+    assert len(found) == np.count_nonzero(np.diff(signs))
+    assert np.max(np.abs(wanted(found) - level)) < allowed
+
+
+@pytest.mark.parametrize("rate", [1e1, 1e3, 1e5, 1e8])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-10])
+def test_dense_output_of_a_fast_variable_is_as_accurate_as_the_tolerance(rate: float, rtol: float) -> None:
+    """y' = -rate (y - cos t) - sin t (Prothero & Robinson 1974), where scipy's is off by up to 9e6 rtol."""
+    got = radau(System({y: -rate * (y - cos(t)) - sympy.sin(t)}), (1.3,), (0, 5), rtol=rtol, atol=1e-2 * rtol)
+    at = np.sort(np.concatenate([np.linspace(0, 5, 2001), np.geomspace(1e-2 / rate, 5, 1000)]))
+    assert np.max(np.abs(got.sol(at)[0] - np.cos(at) - 0.3 * np.exp(-rate * at))) < rtol
+
+
 # Smooth stiff problems: solutions of the Test Set for IVP Solvers (Mazzia & Magherini 2008).
 
 

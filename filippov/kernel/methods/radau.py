@@ -24,6 +24,7 @@ from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.methods.dense_lu import factor, factor_complex, substitute, substitute_complex
 from filippov.kernel.tables.radau_tables import (
     A_INVERSE,
+    BETWEEN,
     ERROR_Z,
     FAST,
     FROM_Z,
@@ -32,11 +33,13 @@ from filippov.kernel.tables.radau_tables import (
     PAIR,
     REAL,
     ROOT_SPACING,
+    SLOPE_Z,
     SPACING,
     SPIN,
     TO_W,
     TO_Z,
     UNDEFINED,
+    VALUE_Z,
     C,
 )
 
@@ -234,30 +237,41 @@ def newton(
 
 
 @kernel
+def filtered(error: Vector, step: float, w: Scratch, iw: Integers) -> float:
+    """(REAL/step - J)^-1 error in place, and its mean square on the scale of the tolerance."""
+    substitute(w.lu, iw.pivots, error, N)
+    square = 0.0
+    for i in range(N):
+        square += (error[i] / w.scale[i]) ** 2
+        error[i] /= step
+    return square
+
+
+@kernel
 def estimate(
     t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """Error estimate of the step in w.error, filtered by (REAL/step - J)^-1; twice where it is above 1."""
-    z, error, at = w.z, w.error, w.stage
-    f = w.k
-    for turn in range(2):
-        for i in range(N):
-            weighted = ERROR_Z[0] * z[i] + ERROR_Z[1] * z[N + i] + ERROR_Z[2] * z[2 * N + i]
-            error[i] = f[i] + weighted / step
-        substitute(w.lu, iw.pivots, error, N)
-        square = 0.0
-        for i in range(N):
-            square += (error[i] / (w.atol[i] + w.rtol * max(abs(x[i]), abs(x[i] + z[2 * N + i])))) ** 2
-        if turn == 1 or not (square > float(N)):
-            break
-        f = w.diff
-        for i in range(N):
-            at[i] = x[i] + error[i]
-        code = evaluate(t, at, p, m, f, w, iw, ctx)
-        if code != 0:
-            return code
+    """Error estimate of the step in w.error: that of its end or of the collocation polynomial inside.
+
+    The end of a state that is fast beside the step is far more accurate than the polynomial, from which dense
+    output and events are read. Its defect between the nodes, filtered as the estimate of the end is, is its
+    error there for slow and for fast states. The estimate of the end is not filtered once more where it is
+    large, as is done where only the end matters: that hides a transient shorter than the step.
+    """
+    z, error, f, at = w.z, w.error, w.diff, w.stage
     for i in range(N):
-        error[i] /= step
+        at[i] = x[i] + (VALUE_Z[0] * z[i] + VALUE_Z[1] * z[N + i] + VALUE_Z[2] * z[2 * N + i])
+    code = evaluate(t + BETWEEN * step, at, p, m, f, w, iw, ctx)
+    if code != 0:
+        return code
+    for i in range(N):
+        slope = SLOPE_Z[0] * z[i] + SLOPE_Z[1] * z[N + i] + SLOPE_Z[2] * z[2 * N + i]
+        weighted = ERROR_Z[0] * z[i] + ERROR_Z[1] * z[N + i] + ERROR_Z[2] * z[2 * N + i]
+        f[i] -= slope / step
+        error[i] = w.k[i] + weighted / step
+    if filtered(f, step, w, iw) > filtered(error, step, w, iw):
+        for i in range(N):
+            error[i] = f[i]
     return 0
 
 

@@ -55,6 +55,13 @@ ERROR_Z: list[float] = [(-13 - 7 * _ROOT) / 3, (-13 + 7 * _ROOT) / 3, -1 / 3]
 # The collocation polynomial through 0 and the three Z: powers 1, 2, 3 of theta, one row per Z.
 FROM_Z: list[float] = _polynomials(np.array([0.0, *_C]))[1:, 1:].ravel().tolist()
 
+# Where a step is compared with the field between its nodes; there the collocation polynomial and its slope,
+# one weight per Z.
+BETWEEN = 0.4
+_ROWS = np.array(FROM_Z).reshape(3, 3)
+VALUE_Z: list[float] = (_ROWS @ [BETWEEN, BETWEEN**2, BETWEEN**3]).tolist()
+SLOPE_Z: list[float] = (_ROWS @ [1.0, 2 * BETWEEN, 3 * BETWEEN**2]).tolist()
+
 
 def dense_rows() -> tuple[tuple[float, ...], ...]:
     """Powers of theta of the collocation polynomial for each stage: start, three in the step, end."""

@@ -169,13 +169,15 @@ def rounding(t: float, step: float, i: int, m: Vector, w: Scratch, iw: Integers)
 
 
 @kernel
-def stands_still(least: float, most: float, touch: float, step: float, i: int, w: Scratch) -> bool:
-    """Whether guard i stays within `touch` of 0 while its terms vary: a first integral up to errors."""
+def stands_still(
+    least: float, most: float, touch: float, error: float, step: float, i: int, w: Scratch
+) -> bool:
+    """Whether guard i moves by no more than `error` of its terms, not below -touch: a first integral."""
     moved = float(abs(w.gt[i] * step))
     for a in range(G_FIRST[i], G_FIRST[i + 1]):
         j = G_COLUMN[a]
         moved += abs(w.g[i * N + j] * (w.y[j] - w.coef[j]))
-    return most <= touch and least >= -touch and most - least <= 1e-6 * moved
+    return least >= -touch and most - least <= error * moved
 
 
 @kernel
@@ -260,7 +262,8 @@ def row_root(
         if ROOTS and ROOTED[i] != 0:
             # A guard that contains a root is steepest where that vanishes, and nowhere else on the step.
             dip = min(dip, STEEP * max(-low, high))
-    if ROLE[i] == OBSERVER and w.grazed[i] != 0.0 and low >= -16.0 * allowed - dip:
+    still = 16.0 * allowed + dip
+    if ROLE[i] == OBSERVER and w.grazed[i] != 0.0 and stands_still(low, high, still, 1e-2, step, i, w):
         return NO_ROOT, 2.0, degree
     if lo == 0.0 and m[i] != 0.0 and order[i] > 0:
         degree = deflate(c, order[i])
@@ -271,7 +274,7 @@ def row_root(
         degree = deflate(c, order_at_start(c, spread))
     elif known:
         # A dip below 0 no deeper than rounding is a tangency, not two crossings.
-        if stands_still(low, high, allowed, step, i, w):
+        if high <= allowed and stands_still(low, high, allowed, 1e-6, step, i, w):
             return NO_ROOT, 2.0, degree
         # So is a least value above 0 by no more than that: a guard of time has no other tolerance.
         touch += 2.0 * dip if w.grazed[i] == 0.0 and ROLE[i] != KINK and WIDTH[i] == 0.0 else 0.0
