@@ -488,9 +488,8 @@ def test_a_level_is_observed_where_the_state_is_large_beside_its_swing(method: s
         offset, rtol, w = 10 ** rng.uniform(0, 5), 10 ** rng.uniform(-9, -3), rng.uniform(0.5, 3)
         swing, part = rtol * offset * 10 ** rng.uniform(1.3, 4), rng.uniform(-0.6, 0.6)
         values = {"offset": offset, "w": w, "level": offset + part * swing}
-        run = solve(
-            system, (offset + swing, 0), (0, 30), parameters=values, method=method, rtol=rtol, atol=1e-3 * rtol
-        )
+        options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": 1e-3 * rtol}
+        run = solve(system, (offset + swing, 0), (0, 30), parameters=values, **options)
         turns = 2 * np.pi * np.arange(15)
         wanted = np.sort(np.concatenate([turns + np.arccos(part), turns + 2 * np.pi - np.arccos(part)])) / w
         assert run.success, run.message
