@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from told import told
 
 from filippov import (
     Input,
@@ -30,7 +31,6 @@ from filippov.analysis import (
     linearise,
 )
 from filippov.app.cli.main import main
-from filippov.base.errors import ModelError, UsageError
 from filippov.models import get
 
 x, v = states("x v")
@@ -103,11 +103,7 @@ COMMANDS = {
 
 @pytest.mark.parametrize("name", MISTAKES)
 def test_16_4_the_answer_names_the_place_and_the_cure(name: str) -> None:
-    wrong, place, cure = MISTAKES[name]
-    with pytest.raises((ModelError, UsageError, AttributeError, TypeError, OSError)) as refused:
-        wrong()
-    assert place in str(refused.value)
-    assert cure in str(refused.value)
+    told(*MISTAKES[name])
 
 
 @pytest.mark.parametrize("line", COMMANDS)

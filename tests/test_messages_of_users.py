@@ -4,32 +4,60 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from told import told
 
 from filippov import (
     EventKind,
-    ModelError,
     Problem,
     Status,
     Stop,
-    Sweep,
+    Surface,
     System,
-    UsageError,
+    cos,
+    models,
+    parameters,
+    plot,
     sign,
     solve,
+    solve_many,
+    sqrt,
     states,
+    t,
 )
-from filippov.analysis import EventMap, Section, compare, tune
+from filippov.analysis import (
+    EventMap,
+    Section,
+    Stroboscope,
+    bifurcation,
+    brute_force,
+    compare,
+    find_section,
+)
 from filippov.app.cli.main import main
 from filippov.graphs import load_graph
 
 x, v = states("x v")
-MASS = System({x: v, v: -x - 0.2 * sign(v)})
+p = parameters(mu=0.2, A=1.0)
+MASS = System({x: v, v: -x - p.mu * sign(v)})
 RUN = solve(MASS, (1.1, 0), (0, 12))
 SECTION = Section("v", "crossing up", "x", {"x": "-d", "v": "0"})
 TIMES = np.linspace(0, 5, 200)
+PROBLEM = Problem(MASS, (1, 0), (0, 1))
+ENDS = solve_many(MASS, [(1, 0), (2, 0), (3, 0)], (0, 12))
+TREE = solve(MASS, (1, 0), (0, 1), nonunique="branch")
+FORCED = System({x: v, v: -2 * x - 0.3 * v + p.A * cos(t)})
+RELAY = System({x: v, v: p.A * (1 - x**2) * v - x})
+
+
+def strobed(system: System, period: float) -> object:
+    strobe = Stroboscope("x", period=period)
+    return bifurcation(system, strobe, parameter="A", values=[1.0, 1.2], x0=(1, 0))
+
+
 
 MISTAKES: dict[str, tuple[Callable[[], object], str, str]] = {
     "a grid for the span": (lambda: solve(MASS, (1, 0), TIMES), "t_span is", "t_eval=...: t_span=(0.0, 5.0)"),
@@ -47,13 +75,6 @@ MISTAKES: dict[str, tuple[Callable[[], object], str, str]] = {
         "widths=(0.001,)",
     ),
     "states as sympy's": (lambda: states("x", "v"), "states was given several", "x, v = states('x v')"),
-    "what is varied": (
-        lambda: Sweep(Problem(MASS, (1, 0), (0, 1)), vary={"x0.x": [1]}), "vary is over now", "write over={",
-    ),
-    "ranges of gains": (
-        lambda: tune(MASS, SECTION, ranges={"P": (1, 2)}, interval=(0, 1)), "ranges is over now",
-        "write over={",
-    ),
     "a kind of event": (lambda: EventKind("stick"), "unknown kind of event 'stick'", "Write 'sliding entry'"),
     "a misspelt kind": (lambda: EventKind("crosing"), "unknown kind of event 'crosing'", "mean 'crossing'"),
     "a status": (lambda: Status("sucess"), "unknown status 'sucess'", "did you mean 'success'"),
@@ -61,6 +82,31 @@ MISTAKES: dict[str, tuple[Callable[[], object], str, str]] = {
         lambda: load_graph("nowhere.json"), "'nowhere.json' cannot be read (No such file", "give its path",
     ),
     "a folder for a graph": (lambda: load_graph("."), "'.' cannot be read (Is a directory", "as save_graph("),
+    "a package called": (lambda: plot(RUN), "filippov.plot is a package", "solution.plot() draws"),
+    "another package called": (lambda: models("hunting"), "filippov.models is a package", "models.get("),
+    "a run of an ensemble by a state": (lambda: ENDS["x"], "ensemble['x']", "ensemble.x[:, 0]"),
+    "a run after the last": (lambda: ENDS[3], "no trajectory 3", "there are 3, numbered from 0"),
+    "the length of a solution": (lambda: len(RUN), "no length", "len(solution.t)"),
+    "a problem with another state": (
+        lambda: PROBLEM.with_x0((2, 0)), "a Problem has no attribute 'with_x0'", "problem.remake(x0=",
+    ),
+    "a problem that solves itself": (lambda: PROBLEM.solve, "no attribute 'solve'", "solve(problem)"),
+    "a tree of another state": (lambda: TREE.plot("w"), "unknown state 'w'", "known: x, v"),
+    "no values of a diagram": (
+        lambda: bifurcation(MASS, SECTION, parameter="mu", values=[], interval=(0.1, 1)), "values is []",
+        "one number at least",
+    ),
+    "no values of a diagram by iteration": (
+        lambda: brute_force(MASS, None, "mu", [], (1, 0)), "values is []", "one number at least",
+    ),
+    "a section of nothing": (
+        lambda: find_section(System({x: v, v: -x}), (1, 0)), "neither signs nor surfaces",
+        "Section('half', 'crossing up', 'v')",
+    ),
+    "strobes that fit no forcing": (
+        lambda: strobed(FORCED, 1.0), "every 1, at which it is never back", "Leave period out",
+    ),
+    "strobes of a system of its own": (lambda: strobed(RELAY, 1.0), "every 1, at", "or take a Section"),
     "section by its name": (lambda: EventMap(MASS, "v"), "section is 'v'", "find_section(system, x0)"),
 }  # fmt: skip
 COMMANDS: dict[str, tuple[str, str, str]] = {
@@ -88,12 +134,7 @@ FILES: dict[str, tuple[str, str]] = {
 
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_told_with_place_and_cure(name: str) -> None:
-    call, place, cure = MISTAKES[name]
-    with pytest.raises((ModelError, UsageError)) as caught:
-        call()
-    assert place in str(caught.value)
-    assert cure in str(caught.value)
-    assert len(str(caught.value)) < 500
+    told(*MISTAKES[name])
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -117,3 +158,30 @@ def test_a_file_with_a_name_of_before_is_told_the_one_of_now(
 
 def test_the_command_takes_the_method_that_solve_takes(tmp_path) -> None:
     assert main(["simulate", "pendulum", "--method", "RK45", "--t-span", "0", "1", "--quiet"]) == 0
+
+
+def test_an_ensemble_gives_its_trajectories_one_by_one() -> None:
+    assert len(ENDS) == len(list(ENDS)) == 3
+    assert ENDS[-1].x.tolist() == ENDS.x[2].tolist()
+    assert ENDS[0][0] == 12.0
+    assert ENDS[0].status is Status.SUCCESS
+    assert len(TREE) == len(TREE.paths()) == 1
+    assert TREE[0].x_end.tolist() == TREE.paths()[0].x_end.tolist()
+    assert RUN
+
+
+@pytest.mark.parametrize("gains", [(1.5, 1.1), (5.0, 1.1)])
+def test_super_twisting_by_plain_functions_is_told_to_be_written_as_expressions(gains: Any) -> None:
+    def field(t: float, x: Any, p: Any, s: Any) -> list[float]:
+        return [x[1] - gains[0] * abs(x[0]) ** 0.5 * s[0], -gains[1] * s[0]]
+
+    plain = System(field=field, surfaces=[Surface("s", lambda t, x, p: x[0])], states="x y")
+    run = solve(plain, (1, 0), (0, 20), zeno="continue")
+    assert not run.success
+    assert "super-twisting control" in run.message
+    assert "Write it as expressions: System({x: y - k1*sqrt(abs(x))*sign(x)" in run.message
+    assert "zeno=" not in run.message
+    written = System({x: v - gains[0] * sqrt(abs(x)) * sign(x), v: -gains[1] * sign(x)})
+    done = solve(written, (1, 0), (0, 20), zeno="continue")
+    assert done.success
+    assert np.max(np.abs(done.x_end)) < 1e-9

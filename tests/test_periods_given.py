@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from filippov import Heaviside, System, UsageError, cos, parameters, sin, states, t
+from filippov import Heaviside, Surface, System, UsageError, cos, parameters, sin, states, t
 from filippov.analysis import attractors, continuation, find_orbit
+from filippov.analysis.steady.forcing import depends_on_time
 
 x, v = states("x v")
 
@@ -110,3 +111,35 @@ def test_a_formula_follows_the_frequency_of_plain_functions() -> None:
     assert {branch.values[0], branch.values[-1]} == {1.5, 3.0}
     for point in branch.points:
         assert abs(point.coordinates["amplitude x"] - amplitude(0.2, point.value)) < 1e-8
+
+
+@pytest.mark.parametrize("unit", [1e-15, 1e-9, 1.0, 1e6])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_period_of_plain_functions_is_compared_in_any_unit(unit: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    c, w, wrong = rng.uniform(0.1, 0.5), rng.uniform(1.5, 3.0), rng.uniform(0.3, 0.9)
+
+    def field(t: float, x: Any, p: Any, s: Any) -> list[float]:
+        return [x[1], -x[0] - c * x[1] + unit * np.cos(w * t)]
+
+    system = System(field=field, states="x v")
+    assert depends_on_time(system)
+    with pytest.raises(UsageError, match="the equations do not repeat after that time"):
+        find_orbit(system, (0, 0), period=wrong * 2 * pi / w)
+    orbit = find_orbit(system, (0, 0), period=2 * pi / w, atol=1e-13 * unit)
+    assert abs(orbit.amplitude["x"] / unit / amplitude(c, w) - 1) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("field", "depends"),
+    [
+        (lambda t, x, p, s: [-x[0] + 1e-14 * np.cos(t)], True),
+        (lambda t, x, p, s: [-x[0] + (np.cos(t) if x[0] > 0.8 else 0)], True),
+        (lambda t, x, p, s: [-x[0] + t * (1 - s[0])], True),
+        (lambda t, x, p, s: [-x[0] - s[0]], False),
+        (lambda t, x, p, s: [np.log(x[0] - 5)], False),
+    ],
+)
+def test_plain_functions_are_asked_for_t_at_states_of_every_size(field: Any, depends: bool) -> None:
+    surface = Surface("a", lambda t, x, p: x[0] - 3)
+    assert depends_on_time(System(field=field, states="x", surfaces=[surface])) is depends

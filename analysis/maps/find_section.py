@@ -53,6 +53,12 @@ def find_section(
         raise UsageError(f"t_max is {t_max!r}, expected a number > 0.")
     if is_forced(system) or period is not None:
         return _strobe(system, start, parameters, period, coordinate)
+    if not any(role.kind != "observer" for role in system.roles):
+        raise UsageError(
+            "no section was found: neither signs nor surfaces, clocks or t stand in the system, so nothing "
+            "marks a return. Watch a surface, Surface('half', x - 0.5, kind='observer'), and write "
+            "Section('half', 'crossing up', 'v'); or give the period of the solution: period=6.28."
+        )
     said = ""
     for span in _SPANS if t_max is None else (t_max,):
         run = solve(

@@ -17,6 +17,8 @@ from filippov.base.shown import Shown
 
 # The most parts of a strobe's time that are looked for in the period of an orbit.
 MOST_PARTS = 100
+# The relative error of a part or multiple.
+_SAME = 1e-9
 
 
 @constructor()
@@ -60,8 +62,17 @@ class Stroboscope(Shown):
 
 
 def strobes_and_turns(period: float, strobe: float) -> tuple[int, int]:
-    """The least number of strobes after which an orbit is back at one, and the turns that it then made."""
+    """The least number of strobes after which an orbit is back at one, and the turns that it then made.
+
+    Raises UsageError where it never is.
+    """
     ratio = Fraction(period / strobe).limit_denominator(MOST_PARTS)
+    if not ratio or abs(period / strobe / ratio - 1) > _SAME:
+        raise UsageError(
+            f"the orbit has the period {period:.12g}, and states are looked at every {strobe:.12g}, at which "
+            "it is never back: expected a multiple or part of its period. Leave period out where a forcing "
+            "gives it, or take a Section on a surface."
+        )
     return ratio.numerator, ratio.denominator
 
 

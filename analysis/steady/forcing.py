@@ -23,22 +23,17 @@ from filippov.model.signals.input import Sampled
 
 # Parts of the forcing's period that are tried, and the relative error of a period given as a number.
 _PARTS, _SAME = 64, 1e-9
+# Times after which plain functions give the same where t does not stand in them.
+_MOMENTS = (0.377, 1.913)
 
 
 @lru_cache(maxsize=128)
 def depends_on_time(system: System) -> bool:
-    """Whether t stands in the field or in a surface. Plain functions are asked at a few times."""
+    """Whether t stands in the field or in a surface. Plain functions are compared at a few times."""
     form = system.symbolic
     if form is not None:
         return any(time in expression.free_symbols for expression in form.expressions())
-    assert system.field is not None
-    p = system.parameters.record(system.parameters.defaults)
-    x, s = np.linspace(0.31, 0.74, system.dimension), np.ones(len(system.surfaces))
-    values = []
-    for moment in (0.0, 0.377, 1.913):
-        row = [float(v) for v in system.field(moment, x, p, s)]
-        values.append(np.array(row + [float(q.h(moment, x, p)) for q in system.surfaces]))
-    return not all(np.array_equal(values[0], value) for value in values[1:])
+    return not all(repeats(system, system.parameters.defaults, span, 0.0) for span in _MOMENTS)
 
 
 def is_forced(system: System) -> bool:

@@ -14,42 +14,47 @@ from filippov import System
 from filippov import t as time
 from filippov.base.arrays import Array
 
-# At how many states and times they are compared, and the relative error of what they give.
-_DRAWS, _SAME = 7, 1e-9
+# At how many states and times of each size they are compared, and the relative error of what they give: a
+# small forcing is not seen beside large states, and states are in any unit.
+_DRAWS, _SIZES, _SAME = 4, 10.0 ** np.arange(0, -16, -3), 1e-9
 _LEAST, _MIDDLE, _MOST = 0.1, 0.55, 1.0
 Rows = Callable[[Array, Array], Array]
 
 
-def repeats(system: System, p: Array, span: float) -> bool:
+def repeats(system: System, p: Array, span: float, same: float = _SAME) -> bool:
     """Whether the equations are the same at t and t + span, in states and at times drawn.
 
-    p: the parameters' values. Of plain functions these are the field and the surfaces; where one is not
-    defined in a state drawn there is nothing to compare.
+    p: the parameters' values; same: the relative error of what an equation gives. Of plain functions these
+    are the field and the surfaces; where one is not defined in a state drawn there is nothing to compare.
     """
     heights, others = _equations(system)
     rng, n, m = np.random.default_rng(0), system.dimension, len(system.surfaces)
-    draws = rng.uniform(_LEAST, _MOST, (_DRAWS, 1 + n + 2 * m))
+    draws = rng.uniform(_LEAST, _MOST, (_DRAWS * _SIZES.size, 1 + n + 2 * m))
     draws[:, 0] *= span
+    draws[:, [*range(1, 1 + n), *range(1 + n + m, 1 + n + 2 * m)]] *= np.repeat(_SIZES, _DRAWS)[:, None]
     later = draws + np.eye(1, draws.shape[1]) * span
     before, after = heights(draws, p), heights(later, p)
-    side = np.where(_turned(system, before, after), -1.0, 1.0)
+    side = np.where(_turned(system, before, after, same), -1.0, 1.0)
     later[:, 1 + n : 1 + n + m] *= side
-    return _close(before, after * side) and _close(others(draws, p), others(later, p))
+    return _close(before, after * side, same) and _close(others(draws, p), others(later, p), same)
 
 
-def _turned(system: System, before: Array, after: Array) -> npt.NDArray[np.bool_]:
+def _turned(system: System, before: Array, after: Array, same: float) -> npt.NDArray[np.bool_]:
     """The surfaces whose h changes its sign, as that of |sin(t)|: the same with their sides exchanged."""
     form = system.symbolic
     if form is None:
         return np.zeros(len(system.surfaces), dtype=bool)
     return np.array([
-        q.kind in ("switching", "kink") and not q.width and radius == (-1, 1) and _close(u, -v)
+        q.kind in ("switching", "kink") and not q.width and radius == (-1, 1) and _close(u, -v, same)
         for q, radius, u, v in zip(system.surfaces, form.radius, before.T, after.T, strict=True)
     ], dtype=bool)  # fmt: skip
 
 
-def _close(a: Array, b: Array) -> bool:
-    return bool(np.allclose(a, b, rtol=_SAME, atol=_SAME, equal_nan=True))
+def _close(a: Array, b: Array, same: float) -> bool:
+    """Whether columns agree to this part of what they reach at states of one size."""
+    a, b = (one.reshape(_SIZES.size, _DRAWS, -1) for one in (a, b))
+    size = np.max(np.abs(np.nan_to_num(a)), axis=1, keepdims=True)
+    return bool(np.all((np.abs(a - b) <= same * size) | (a == b) | (np.isnan(a) & np.isnan(b))))
 
 
 @lru_cache(maxsize=128)

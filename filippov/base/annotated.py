@@ -91,7 +91,7 @@ def _single(
         "str": lambda value: given.text(name, value, error),
         "Sequence[str]": lambda value: given.names(name, value, error),
         "Iterable[str]": lambda value: given.names(name, value, error),
-        "Sequence[float]": lambda value: given.row(name, value, error=error),
+        "Sequence[float]": lambda value: given.some_numbers(name, value, error),
         "tuple[float, float]": lambda value: given.row(name, value, 2, error),
     }
     if part in table:

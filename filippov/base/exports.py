@@ -9,12 +9,18 @@ from opcode import opmap
 from types import FrameType, ModuleType
 from typing import Any
 
+from filippov.base.errors import UsageError
 from filippov.base.names import closest
 
 PACKAGES = (
     "filippov", "filippov.analysis", "filippov.plot", "filippov.models", "filippov.graphs",
     "filippov.interop", "filippov.app",
 )  # fmt: skip
+# What a package is called for.
+_CALLED = {
+    "filippov.plot": "solution.plot() draws a solution, and dir(filippov.plot) has what draws the rest",
+    "filippov.models": "filippov.models.get('NAME').build() is the system of a model",
+}
 
 
 class _Package(ModuleType):
@@ -23,6 +29,10 @@ class _Package(ModuleType):
     def __setattr__(self, name: str, value: Any) -> None:
         if not (isinstance(value, ModuleType) and name in self.__dict__.get("__all__", ())):
             super().__setattr__(name, value)
+
+    def __call__(self, *_: Any, **__: Any) -> Any:
+        name = self.__name__
+        raise UsageError(f"{name} is a package, no function: {_CALLED.get(name, f'dir({name}) has those')}.")
 
 
 def _at_home(name: str, package: str) -> str:

@@ -233,6 +233,14 @@ def row(
     return tuple(array.tolist())
 
 
+def some_numbers(name: str, value: object, error: type[Exception] = UsageError) -> tuple[float, ...]:
+    """Finite numbers in a row, one at least; raises `error`."""
+    found = row(name, value, error=error)
+    if not found:
+        raise error(f"{name} is {shown(value)}, expected one number at least.")
+    return found
+
+
 def interval(name: str, value: object, error: type[Exception] = UsageError) -> tuple[float, float]:
     """Two finite numbers, the first below the second; raises `error`."""
     found = row(name, value, 2, error)
@@ -259,10 +267,7 @@ def axis(name: str, value: object, error: type[Exception] = UsageError) -> tuple
     if not isinstance(value, tuple | list) or len(value) != 2 or as_float(value[0]) is not None:
         raise error(f"{name} is {shown(value)}, expected a name and its values: {name}=('P', [10, 20]).")
     (named,) = names(name, value[0], error)
-    found = row(f"{name}: {named}", value[1], error=error)
-    if not found:
-        raise error(f"{name}: {named} is {shown(value[1])}, expected one number at least.")
-    return named, found
+    return named, some_numbers(f"{name}: {named}", value[1], error)
 
 
 def names(name: str, value: object, error: type[Exception] = UsageError) -> tuple[str, ...]:

@@ -56,6 +56,7 @@ def no_attribute(owner: str, name: str, known: Iterable[str], answers: Mapping[s
 class Answering:
     """What is asked of it and is not there is answered; `_elsewhere`: what to write for names of others."""
 
+    __slots__ = ()
     _elsewhere: ClassVar[Mapping[str, str]] = {}
 
     if not TYPE_CHECKING:  # what is not there is an error for the type checker

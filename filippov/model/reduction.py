@@ -105,8 +105,7 @@ def reduction(
     at: values of t, states, parameters, signs and sizes at a point close to the solution.
     """
     form = system.symbolic
-    if form is None:
-        return "the field is a plain function, whose derivatives are not known: write it as expressions"
+    assert form is not None
     zero, kinks = tuple(sorted(zero)), tuple(sorted(kinks))
     known = _answers(system, zero, kinks)
     for values, answer in known:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.failure import failure
-from filippov.base.given import Count, Positive
+from filippov.base.given import Count, Positive, shown
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering, check_known, unknown
 from filippov.base.shown import Shown
@@ -23,7 +23,7 @@ from filippov.kernel.codegen.build import widest
 from filippov.kernel.tables import codes
 from filippov.kernel.tables.layout import LANES, MOST_LANES
 from filippov.model.system import System
-from filippov.solving.ensemble_rows import rows_of, unusable
+from filippov.solving.ensemble_rows import End, rows_of, unusable
 from filippov.solving.resets.zeno import sentence
 from filippov.solving.scale import default_atols, of_little_ends, small
 from filippov.solving.state.batch import FEW, UNFINISHED, Batch, lane_unit, system_threads, waits
@@ -75,7 +75,7 @@ _BLOCK = 1 << 16  # rows in memory at a time with all that a running trajectory 
 
 @dataclass(frozen=True)
 class Ensemble(Shown, Answering):
-    """Ends of many trajectories.
+    """Ends of many trajectories; ensemble[k] is that of number k, an `End`.
 
     t, x       time and state reached: (k,), (k, n); at a terminal event, its time and state
     mode       mode there: (k, m)
@@ -108,6 +108,19 @@ class Ensemble(Shown, Answering):
     threads: int = 1
     surfaces: tuple[str, ...] = field(default=(), repr=False)
     place_of: Callable[[str], tuple[int, int]] | None = field(default=None, repr=False, compare=False)
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    def __getitem__(self, k: Any) -> End:
+        if not isinstance(k, int | np.integer) or isinstance(k, bool):
+            raise UsageError(
+                f"ensemble[{shown(k)}]: expected the number of a trajectory. Of several take rows of its "
+                "arrays, ensemble.x[ensemble.success]; a state over all is a column, ensemble.x[:, 0]."
+            )
+        if not -len(self) <= k < len(self):
+            raise IndexError(f"there is no trajectory {k}: there are {len(self)}, numbered from 0.")
+        return End(float(self.t[k]), self.x[k], self.mode[k], self.status[k], self.message[k])
 
     def __str__(self) -> str:
         ends, counts = np.unique([s.value for s in self.status], return_counts=True)

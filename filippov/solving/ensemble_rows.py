@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
@@ -14,8 +15,19 @@ from filippov.base.given import number_array, shown
 from filippov.base.labelled import by_label, in_order
 from filippov.base.names import unknown
 from filippov.base.quantity import is_quantity, plain
+from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.state.options import check_state, without_units
+
+
+class End(NamedTuple):
+    """The end of one trajectory: the time and state (n,) reached, and the mode, status and message there."""
+
+    t: float
+    x: Array
+    mode: npt.NDArray[np.int64]
+    status: Status
+    message: str
 
 
 def rows_of(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Array, Array]:

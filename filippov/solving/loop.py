@@ -141,7 +141,8 @@ class _Loop(Settling):
 
     def _sentence(self, status: Status, detail: str = "") -> str:
         where = stopped_at(self.run.t, self.run.signs[: self.watch.surfaces])
-        return f"{where}: {detail + ' ' if detail else ''}{status.advice}"
+        done = status is Status.ZENO and self.options.zeno == "continue"  # what the advice says
+        return f"{where}: {detail if done else f'{detail} {status.advice}'.lstrip()}"
 
     def _end(self, status: Status, detail: str = "") -> tuple[Status, str]:
         text = f"{detail} {status.advice}".lstrip() if status.ok else self._sentence(status, detail)

@@ -11,6 +11,7 @@ from filippov.kernel.loop.event_cycle import NEAR_END
 from filippov.solving.diagnosis import LOOKS, NO_PROGRESS, STAGNATION, STAGNATION_STEPS, singular, stagnation
 from filippov.solving.resets.jumps import state_text
 from filippov.solving.resets.zeno import Accumulation
+from filippov.solving.selection.higher_order import PLAIN
 from filippov.solving.state.run import Run
 from filippov.solving.stiffness import StiffnessMonitor
 
@@ -43,8 +44,8 @@ class Patience:
             limit = accumulations[-1]
             return Status.ZENO, (
                 f"events go on accumulating at t = {limit.t:.12g}, state {state_text(run)}, where the "
-                "solution was to go on: it follows none of the modes, nor sliding of higher order "
-                f"({self.why})."
+                "solution was to go on: it follows none of the modes, nor sliding of higher order: "
+                f"{self.why}."
             )
         self.slow = False
         if run.attempts - self.looked[0] >= STAGNATION_STEPS:
@@ -94,7 +95,10 @@ class Patience:
         return min(left, max(abs(run.t - float(run.clock.t_start)), own))
 
     def hint(self, status: Status) -> str:
-        """What slows an explicit method down, "" where nothing does."""
+        """What slows an explicit method down, or what plain functions cannot do; "" where neither does."""
+        plain = self.run.machine.system.field is not None
+        if plain and status in (Status.NO_CONTINUATION, Status.NO_SLIDING):
+            return f" If h and dh/dt are both 0 here: {PLAIN}."
         return "" if self.named else self.stiffness.hint(self.run, status)
 
     def _chattering(self, accumulations: Sequence[Accumulation]) -> bool:

@@ -252,6 +252,12 @@ class Solution:
                 return segment.mode
         return self.end_mode
 
+    def __len__(self) -> int:
+        raise TypeError("a Solution has no length: len(solution.t) samples, len(solution.events) events.")
+
+    def __bool__(self) -> bool:
+        return True
+
     def __getitem__(self, name: Any) -> Array:
         """The values of a state or an output at `t`, by its name: r["x"], r["effort"]."""
         found: Array = delegate("Solution.__getitem__")(self, name)

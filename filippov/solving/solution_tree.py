@@ -6,7 +6,7 @@ of branches from the root to a leaf.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -184,6 +184,7 @@ class Reachable:
 class SolutionTree(Shown, Answering):
     """The solutions from one initial state, which branch where several modes can follow.
 
+    tree[k]   the path that leads to leaf number k; len(tree) is their number
     branches  all pieces, parents before children; root: the first
     problem   what was solved
     status    SUCCESS; BRANCHES where the tree is cut by max_branches or max_depth; else the status of the
@@ -283,13 +284,19 @@ class SolutionTree(Shown, Answering):
                 )
         return graph
 
-    def plot(self, **options: Any) -> Any:
+    def plot(self, states: Sequence[str] | str | None = None, **options: Any) -> Any:
         """All solutions over time, branching points marked (see `filippov.plot.tree`)."""
-        return delegate("SolutionTree.plot")(self, **options)
+        return delegate("SolutionTree.plot")(self, states, **options)
 
     def plot_tree(self, **options: Any) -> Any:
         """The tree itself: branches by time, with their modes (see `filippov.plot.tree`)."""
         return delegate("SolutionTree.plot_tree")(self, **options)
+
+    def __len__(self) -> int:
+        return len(self.leaves())
+
+    def __getitem__(self, k: int) -> Path:
+        return self.paths()[k]
 
     @keywords()
     def save(self, path: str | FilePath) -> FilePath:

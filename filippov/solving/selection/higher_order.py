@@ -50,6 +50,11 @@ NOISY_LAPS, ALIKE = 6, 1e-2
 # Of the time of the run: how long ago a slide ended that has led to where the run is.
 MOMENT = 1e-3
 NOTE = "sliding of order"
+PLAIN = (
+    "the field is a plain function, and sliding where h and dh/dt are both 0, as under super-twisting "
+    "control, takes its derivatives. Write it as expressions: System({x: y - k1*sqrt(abs(x))*sign(x), y: "
+    "-k2*sign(x)})"
+)
 
 
 @dataclass(frozen=True)
@@ -99,7 +104,7 @@ class HigherOrder:
             return "backwards in time it is not determined"
         base = (run.mode if mode is None else mode).copy()
         if plain.system.symbolic is None:
-            return "the field is a plain function, whose derivatives are not known: write it as expressions"
+            return PLAIN
         wanted, x = {i for i in surfaces if _slides(plain, i)}, run.x
         if not wanted:
             return "no switching surface takes part"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sized
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,7 @@ import numpy.typing as npt
 from filippov.base.errors import UsageError
 from filippov.base.given import shown
 from filippov.base.keywords import keywords
+from filippov.base.names import Answering
 from filippov.base.quantity import is_quantity, plain, unit_of_label
 from filippov.model.system import System
 from filippov.solving.state.option_types import ANSWERS, SAME_AS, BranchOptions
@@ -20,6 +21,7 @@ _OF_SOLVE = {
     name: f"{name} is an option of the run: solve(problem, {name}=...)."
     for name in (*BranchOptions.__annotations__, "nonunique", "theta", "t_eval", "events", "throw")
 }
+_PARTS = ("x0", "t_span", "tspan", "parameters", "params", "system")
 
 
 def needs_system(function: str, given: object) -> None:
@@ -46,7 +48,7 @@ def no_system(function: str, given: object, expected: str) -> str:
     return f"{function} was given {what}, expected {expected}: {function}(System({{...}}), x0, t_span). {how}"
 
 
-class Problem:
+class Problem(Answering):
     """x' in F(t, x; p), x(t0) = x0, t in [t0, t1]; immutable.
 
     x0          one number per state, in order or by name
@@ -58,6 +60,13 @@ class Problem:
     """
 
     __slots__ = ("p", "parameters", "system", "t_span", "x0")
+    _elsewhere: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("solve", "run", "simulate", "integrate"), "solve(problem) solves it."),
+        **dict.fromkeys(
+            ("copy", "replace", "set", "update", *(f"with_{part}" for part in _PARTS)),
+            "problem.remake(x0=..., t_span=..., parameters={...}) is the same with other parts.",
+        ),
+    }
 
     system: System
     x0: npt.NDArray[np.float64]
