@@ -12,6 +12,7 @@ from told import told
 
 from filippov import (
     EventKind,
+    Max,
     Problem,
     Status,
     Stop,
@@ -185,3 +186,33 @@ def test_super_twisting_by_plain_functions_is_told_to_be_written_as_expressions(
     done = solve(written, (1, 0), (0, 20), zeno="continue")
     assert done.success
     assert np.max(np.abs(done.x_end)) < 1e-9
+
+
+h, g = states("h g")
+q = parameters(k=0.3)
+EDGES: dict[str, tuple[Any, str]] = {
+    "a tank that empties": (-q.k * sqrt(h), "write sqrt(Max(h, 0))"),
+    "a tank down to its outlet": (-q.k * sqrt(h - 0.2) - 0.1, "comes to 0 here, below which it has no value"),
+    "a power": (-(h**1.5) - 0.2, "write Max(h, 0)**1.5"),
+    "a division": (-1 / (h + 1) ** 3 - 1 / h, "dh/dt is divided by h"),
+    "a root of time": (sqrt(1 - t), "sqrt(1 - t)"),
+    "one that moves": (1 / (g - h) - 1, "dh/dt is divided by g - h"),
+}
+
+
+@pytest.mark.parametrize("name", EDGES)
+def test_what_has_no_value_beyond_the_end_of_a_run_is_named(name: str) -> None:
+    rate, cure = EDGES[name]
+    run = solve(System({h: rate, g: -0.5 + 0 * g}), (1, 1.5 if "moves" in name else 0.2), (0, 10))
+    assert not run.success
+    assert cure in run.message
+    assert "surface not declared" not in run.message
+
+
+@pytest.mark.parametrize("k", [0.3, 1e-4, 50.0])
+def test_a_tank_that_empties_stays_empty_with_the_root_that_is_told(k: float) -> None:
+    """h' = -k sqrt(h): sqrt(h) = 1 - k t/2 until t = 2/k."""
+    run = solve(System({h: -q.k * sqrt(Max(h, 0))}), (1,), (0, 4 / k), parameters={"k": k})
+    assert run.success
+    assert run.x_end[0] == 0.0
+    assert abs(run.sol(1 / k)[0] - 0.25) < 1e-7

@@ -16,6 +16,7 @@ from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, Status, stoppe
 from filippov.kernel.tables import codes
 from filippov.model.user_event import UserEvent
 from filippov.solving.diagnosis import close_call, no_mode, suspect
+from filippov.solving.domain import edge
 from filippov.solving.finished import Course, finished
 from filippov.solving.instant import reached_at_once
 from filippov.solving.patience import Patience
@@ -217,7 +218,7 @@ class _Loop(Settling):
             return self._classify(drawn, drawn, start=False) or self._budgets()
         failures = {codes.NOT_FINITE: Status.NOT_FINITE, codes.MIN_STEP: Status.MIN_STEP}
         status = failures.get(code, Status.NO_SLIDING)
-        return self._end(status, f"state {state_text(run)}. {suspect(run)}".rstrip())
+        return self._end(status, f"state {state_text(run)}. {edge(run) or suspect(run)}".rstrip())
 
     def _too_many(self) -> tuple[Status, str]:
         """The budget of events is used up: by an accumulation that no other law recognises, or as it is."""
