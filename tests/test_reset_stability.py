@@ -9,7 +9,7 @@ import pytest
 import sympy
 from scipy.linalg import expm
 
-from filippov import Surface, System, TimeEvent, states
+from filippov import Surface, System, TimeEvent, parameters, states
 from filippov.analysis.local_stability.stability import certify, stability_report
 
 DRAWS = {"nightly": 40, "ci": 3}.get(os.environ.get("FILIPPOV_PROFILE", ""), 2)
@@ -132,3 +132,16 @@ def test_12_12_a_clock_with_a_kink_at_the_equilibrium(factor: float) -> None:
     assert item.answer == ("unstable" if abs(factor) > 1 else "asymptotically stable")
     (item,) = stability_report(System({y: -y / 100, v: -v}, time_events=clock)).items
     assert item.answer == "undecided"
+
+
+@pytest.mark.parametrize("duty", [1.0, 0.5, 0.0, -1.0])
+@pytest.mark.parametrize("ratio", [1, "parameter"])
+def test_a_clock_that_holds_a_switch_where_nothing_balances(duty: float, ratio: object) -> None:
+    """x' = E - (r - q) a x with q = duty after every tick: x = E/(a (r - duty)), none where duty is r."""
+    p = parameters(E=2.0, a=3.0, r=1.0)
+    x, q = states("x q")
+    r = p.r if ratio == "parameter" else 1
+    clock = TimeEvent("clock", period=0.1, reset={q: duty})
+    found = stability_report(System({x: p.E - (r - q) * p.a * x, q: 0 * q}, parameters=p, time_events=[clock]))
+    at = [item.equilibrium.value for item in found.items]
+    assert at == ([] if duty == 1.0 else [pytest.approx((2 / (3 * (1 - duty)), duty))])

@@ -338,15 +338,13 @@ def _kept(
 ) -> tuple[list[EquilibriumPoint | EquilibriumSet], list[str]]:
     """Leave out what the reset of a time event moves, with a note each."""
     numbers = _numbers(system, p)
-    kept: list[EquilibriumPoint | EquilibriumSet] = []
-    notes = []
+    kept, notes = list[EquilibriumPoint | EquilibriumSet](), []
     for e in found:
         name = mover(system, e, p, numbers)
         parts = _unmoved(system, e, numbers) if name is not None else [e]
         kept += parts
         if not parts:
-            text = f"what balances the field is moved by {name!r} and is no equilibrium."
-            notes.append(f"mode {e.mode!r}: {text}")
+            notes.append(f"mode {e.mode!r}: what balances the field is moved by {name!r}, no equilibrium.")
     return kept, list(dict.fromkeys(notes))
 
 
@@ -380,7 +378,9 @@ def _unmoved(
             float(low) < float(at[q].subs(numbers)) < float(high)
             for q, (low, high) in zip(found.free, found.bounds, strict=True)
         ]
-        if all(inside):
+        poles = (sympy.zoo, sympy.nan, sympy.oo, -sympy.oo)
+        ends = any(e.subs(at).subs(numbers).has(*poles) for e in found.x)
+        if all(inside) and not ends:  # the set may go to infinity there
             out.append(_one_of(found, at, numbers))
     return out
 
