@@ -14,6 +14,7 @@ from filippov import (
     EventKind,
     Max,
     Problem,
+    Solution,
     Status,
     Stop,
     Surface,
@@ -31,6 +32,7 @@ from filippov import (
 )
 from filippov.analysis import (
     EventMap,
+    Orbit,
     Section,
     Stroboscope,
     bifurcation,
@@ -51,7 +53,15 @@ PROBLEM = Problem(MASS, (1, 0), (0, 1))
 ENDS = solve_many(MASS, [(1, 0), (2, 0), (3, 0)], (0, 12))
 TREE = solve(MASS, (1, 0), (0, 1), nonunique="branch")
 FORCED = System({x: v, v: -2 * x - 0.3 * v + p.A * cos(t)})
+WATCHED = System({x: v, v: -x}, surfaces=[Surface("half", x - 0.5, kind="observer")])
 RELAY = System({x: v, v: p.A * (1 - x**2) * v - x})
+
+
+class Labelled:
+    """What a Series of pandas looks like."""
+
+    def __init__(self, values: dict[str, float]) -> None:
+        self.keys, self.items = values.keys, values.items
 
 
 def strobed(system: System, period: float) -> object:
@@ -101,13 +111,34 @@ MISTAKES: dict[str, tuple[Callable[[], object], str, str]] = {
         lambda: brute_force(MASS, None, "mu", [], (1, 0)), "values is []", "one number at least",
     ),
     "a section of nothing": (
-        lambda: find_section(System({x: v, v: -x}), (1, 0)), "neither signs nor surfaces",
+        lambda: find_section(System({x: v, v: -x}), (1, 0)), "there is none in the system",
         "Section('half', 'crossing up', 'v')",
     ),
     "strobes that fit no forcing": (
         lambda: strobed(FORCED, 1.0), "every 1, at which it is never back", "Leave period out",
     ),
     "strobes of a system of its own": (lambda: strobed(RELAY, 1.0), "every 1, at", "or take a Section"),
+    "an observer's section": (lambda: find_section(WATCHED, (1, 0)), "there is none", "kind='observer'"),
+    "stamps for the span": (
+        lambda: solve(MASS, (1, 0), (np.datetime64(0, "s"), np.datetime64(9, "s"))), "t_span: t0 is",
+        "Give seconds",
+    ),
+    "a table of parameters": (
+        lambda: solve(MASS, (1, 0), (0, 1), parameters=Labelled({"mu": 0.1})), "(Labelled)",
+        "parameters=dict(",
+    ),
+    "a complex state": (lambda: solve(MASS, (1 + 0j, 0), (0, 1)), "type complex128", "Take .real"),
+    "a symbol for a state": (lambda: solve(MASS, (p.mu, 0), (0, 1)), "x0 is (mu, 0)", "in place of symbols"),
+    "worker processes of an ensemble": (
+        lambda: solve_many(MASS, [(1, 0)], (0, 1), jobs=4), "solve_many runs in this process", ".run(jobs=4)",
+    ),
+    "a folder for a file": (lambda: RUN.save("."), "is a folder", "the name of a file in it"),
+    "a solution that is not there": (lambda: Solution.load("no.npz"), "'no.npz'", "from the present folder"),
+    "an orbit that is not there": (lambda: Orbit.load("no.json"), "'no.json'", "from the present folder"),
+    "parameters declared twice": (
+        lambda: System({x: -p.mu * sign(x) - parameters(mu=0.3).mu}), "with the defaults 0.",
+        "and write p.mu",
+    ),
     "section by its name": (lambda: EventMap(MASS, "v"), "section is 'v'", "find_section(system, x0)"),
 }  # fmt: skip
 COMMANDS: dict[str, tuple[str, str, str]] = {
@@ -196,6 +227,7 @@ EDGES: dict[str, tuple[Any, str]] = {
     "a power": (-(h**1.5) - 0.2, "write Max(h, 0)**1.5"),
     "a division": (-1 / (h + 1) ** 3 - 1 / h, "dh/dt is divided by h"),
     "a root of time": (sqrt(1 - t), "sqrt(1 - t)"),
+    "a root of what is below 0": (sqrt(-h), "sqrt(-h), which has no value here, where -h is -1"),
     "one that moves": (1 / (g - h) - 1, "dh/dt is divided by g - h"),
 }
 

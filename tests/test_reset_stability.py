@@ -142,6 +142,7 @@ def test_a_clock_that_holds_a_switch_where_nothing_balances(duty: float, ratio: 
     x, q = states("x q")
     r = p.r if ratio == "parameter" else 1
     clock = TimeEvent("clock", period=0.1, reset={q: duty})
-    found = stability_report(System({x: p.E - (r - q) * p.a * x, q: 0 * q}, parameters=p, time_events=[clock]))
+    system = System({x: p.E - (r - q) * p.a * x, q: 0 * q}, parameters=p, time_events=[clock])
+    found = stability_report(system)
     at = [item.equilibrium.value for item in found.items]
     assert at == ([] if duty == 1.0 else [pytest.approx((2 / (3 * (1 - duty)), duty))])

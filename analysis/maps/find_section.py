@@ -55,9 +55,10 @@ def find_section(
         return _strobe(system, start, parameters, period, coordinate)
     if not any(role.kind != "observer" for role in system.roles):
         raise UsageError(
-            "no section was found: neither signs nor surfaces, clocks or t stand in the system, so nothing "
+            "no section was found: of signs, surfaces, clocks and t there is none in the system, so nothing "
             "marks a return. Watch a surface, Surface('half', x - 0.5, kind='observer'), and write "
-            "Section('half', 'crossing up', 'v'); or give the period of the solution: period=6.28."
+            "Section('half', 'crossing up', 'v'), on the command line --surface, --event and --coordinate; "
+            "or give the period of the solution, period=6.28."
         )
     said = ""
     for span in _SPANS if t_max is None else (t_max,):

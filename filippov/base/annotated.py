@@ -137,6 +137,8 @@ def _of(name: str, value: Any, kind: type, expected: str, error: type[Exception]
         return value
     inside = next((one for one in ("system", "section") if isinstance(getattr(value, one, None), kind)), "")
     cure = f" Give its .{inside}." if inside else ""
+    if kind is Mapping and hasattr(value, "keys"):
+        cure = f" Write {name}=dict(...) around it."
     if kind.__name__ == "System" and callable(getattr(value, "build", None)):
         cure = " Give its .build()."
     said, made_by = shown(value), f"({type(value).__name__})"

@@ -12,6 +12,7 @@ import numbers
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from datetime import datetime, timedelta
 from decimal import Decimal
 from typing import Any, cast
 
@@ -192,7 +193,11 @@ def _as_numbers(name: str, array: npt.NDArray[Any]) -> str:
         except ValueError:
             return f": {name}=(0.1, 0), no text."
         return ", no text. Convert it: np.asarray(given, dtype=float)."
-    return f": {name}=(0.1, 0), no text."
+    if array.dtype.kind == "c":
+        return ". Take .real where the imaginary parts are 0."
+    if any(map(is_expression, array.ravel().tolist() if array.dtype.kind == "O" else ())):
+        return f": values in place of symbols, {name}=(0.1, 0)."
+    return f": {name}=(0.1, 0){', no text' if array.dtype.kind in 'US' else ''}."
 
 
 def _refuse_unit(name: str, value: object, error: type[Exception]) -> None:
@@ -301,6 +306,8 @@ def _cure(value: object) -> str:
         with suppress(ValueError):
             return f" Write {value.strip()} without quotes." if math.isfinite(float(value)) else ""
         return ""
+    if isinstance(value, np.datetime64 | np.timedelta64 | datetime | timedelta):
+        return " Give seconds: (stamp - first).total_seconds()."
     return " Write 1.0 or 0.0." if isinstance(value, bool | np.bool_) else ""
 
 

@@ -30,8 +30,17 @@ def read_bytes(path: str | Path, most: int) -> bytes:
     return content
 
 
+def missing(path: str | Path) -> FileNotFoundError:
+    """What is raised for a file that is not there."""
+    said = f"{os.strerror(errno.ENOENT)}; give its path from the present folder"
+    return FileNotFoundError(errno.ENOENT, said, str(path))
+
+
 def _opened(path: str, _: int) -> int:
-    handle = os.open(path, _READ)
+    try:
+        handle = os.open(path, _READ)
+    except FileNotFoundError:
+        raise missing(path) from None
     kind = os.fstat(handle).st_mode
     if stat.S_ISREG(kind):
         return handle

@@ -36,12 +36,14 @@ def write_whole(path: str | Path, content: Content) -> Path:
         with target.open("wb") as stream:
             _fill(stream, content)
         return target
+    if target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, "is a folder, expected the name of a file in it", str(path))
     temporary = target.parent / f".{target.name[:_LONGEST]}.{secrets.token_hex(8)}.tmp"
     try:
         handle = os.open(temporary, _NEW, 0o666)
     except OSError as error:  # told of the path that was given
         said = f"cannot be written: {error.strerror}"
-        if isinstance(error, FileNotFoundError):
+        if isinstance(error, FileNotFoundError) and not target.parent.is_dir():
             said = f"cannot be written: there is no folder {str(target.parent)!r}; make it first"
         raise OSError(error.errno, said, str(path)) from None
     try:

@@ -64,7 +64,7 @@ def load_graph(path: str | Path) -> nx.MultiDiGraph:
     except OSError as error:
         raise UsageError(
             f"{str(path)!r} cannot be read ({error.strerror or error}), expected a graph as save_graph(graph,"
-            " 'x.json') writes it: give its path from the present folder."
+            " 'x.json') writes it."
         ) from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise UsageError(

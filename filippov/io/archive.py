@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import UsageError
+from filippov.base.read_whole import missing
 from filippov.base.whole_file import write_whole
 
 DTYPES = ("<f8", "<i8", "|u1")
@@ -61,6 +62,8 @@ class Archive:
 
     def __init__(self, path: str | Path, max_bytes: int) -> None:
         self.path = Path(path)
+        if not self.path.exists():
+            raise missing(path)
         found = self.path.stat()
         size = found.st_size
         if not stat.S_ISREG(found.st_mode):

@@ -224,9 +224,9 @@ def _parameters(
     for q in ordered:
         if q.name in by_name:
             raise ModelError(
-                f"parameter {q.name!r} comes from two declarations that differ: "
-                f"{by_name[q.name].parameter} and "
-                f"{q.parameter}. Declare all parameters in one parameters(...)."
+                f"parameter {q.name!r} comes from two declarations, with the defaults "
+                f"{by_name[q.name].parameter.default:g} and {q.parameter.default:g}. Declare all parameters "
+                f"in one parameters(...), p, and write p.{q.name} wherever it is meant."
             )
         if q.name in states:
             raise ModelError(f"{q.name!r} is both a state and a parameter. Rename one of them.")

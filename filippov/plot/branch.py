@@ -17,6 +17,8 @@ from filippov.plot.style import GREEN, INK, ORANGE, PURPLE, RED, SERIES, SKY, ne
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+# A coordinate that varies by less than this part of itself is the same.
+SAME = 1e-9
 _MARKS = {
     "fold": ("D", RED), "period doubling": ("X", GREEN), "Neimark-Sacker": ("P", PURPLE),
     "branch point": ("s", ORANGE), "symmetry breaking": ("s", SKY), "Hopf": ("p", PURPLE),
@@ -44,7 +46,7 @@ def plot_branches(
     """Branches over their parameter.
 
     branches    objects with parameter, points (each with value, coordinates, stable, special)
-    coordinate  what is drawn; default the first coordinate of the first branch
+    coordinate  what is drawn; default the first that varies along the first branch, where one does
     names       one for each branch, for the legend
     labels      {"parameter": "gain P [N/m]", "coordinate": "stick position [m]"}; default: those of the
                 system
@@ -59,7 +61,7 @@ def plot_branches(
             f"names has {len(names)} entries for {len(branches)} branches: give one for each, or none."
         )
     check_known("label", labels or {}, ("parameter", "coordinate"), UsageError)
-    wanted = coordinate or next(iter(filled[0].points[0].coordinates))
+    wanted = coordinate or _first(filled)
     own = getattr(filled[0], "labels", {})
     named_axes = {"parameter": filled[0].parameter, "coordinate": wanted}
     text = {place: own.get(name, name) for place, name in named_axes.items()} | dict(labels or {})
@@ -96,6 +98,16 @@ def _mark(special: str) -> tuple[str, str]:
     if special in _MARKS or special == "grazing-sliding":
         return _MARKS.get(special, ("v", INK))
     return next((mark for part, mark in _MEETINGS if part in special), ("v", INK))
+
+
+def _first(branches: Sequence[Any]) -> str:
+    """The first coordinate that is not the same along the first branch, as a period that a force gives is."""
+    points = branches[0].points
+    for name in points[0].coordinates:
+        values = [point.coordinates[name] for point in points if name in point.coordinates]
+        if np.ptp(values) > SAME * np.max(np.abs(values)):
+            return str(name)
+    return str(next(iter(points[0].coordinates)))
 
 
 def _branch(

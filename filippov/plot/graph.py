@@ -12,6 +12,7 @@ import networkx as nx
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
 from filippov.base.escape import figure_text
 from filippov.base.keywords import keywords
@@ -189,16 +190,18 @@ def _draw(
             },
         )  # fmt: skip
     used: dict[tuple[str, str], int] = {}
+    corners = list(places.values())
     for number, (a, b, values) in enumerate(graph.edges(data=True), start=1):
         repeat = used[a, b] = used.get((a, b), -1) + 1
-        _arc(ax, nodes, a, b, _colour(values), repeat, str(number) if table else str(values.get("count", "")))
-    corners = np.array(list(places.values()))
-    (x0, y0), (x1, y1) = corners.min(axis=0) - MARGIN, corners.max(axis=0) + MARGIN
+        text = str(number) if table else str(values.get("count", ""))
+        corners.append(_arc(ax, nodes, a, b, _colour(values), repeat, text))
+    (x0, y0), (x1, y1) = np.min(corners, axis=0) - MARGIN, np.max(corners, axis=0) + MARGIN
     ax.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal")
     ax.axis("off")
 
 
-def _arc(ax: Any, nodes: Mapping[str, Node], a: str, b: str, colour: str, repeat: int, text: str) -> None:
+def _arc(ax: Any, nodes: Mapping[str, Node], a: str, b: str, colour: str, repeat: int, text: str) -> Array:
+    """Draw an edge; returns where its middle is."""
     from matplotlib.patches import FancyArrowPatch
 
     start, end = nodes[a].place, nodes[b].place
@@ -224,6 +227,7 @@ def _arc(ax: Any, nodes: Mapping[str, Node], a: str, b: str, colour: str, repeat
             *middle, figure_text(text), ha="center", va="center", fontsize=8, color=colour, zorder=4,
             bbox={"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": colour, "linewidth": 0.7},
         )  # fmt: skip
+    return np.asarray(middle, dtype=float)
 
 
 def _passes(nodes: Mapping[str, Node], a: str, b: str) -> bool:

@@ -130,6 +130,8 @@ def column(figure: Figure, rows: int, heights: Sequence[float] | None = None) ->
     """Axes above each other with one time axis, of these relative heights."""
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
     figure.align_ylabels(list(axes))
+    for ax in axes:  # a power of ten stands left of the axis: above it is the legend
+        ax.yaxis.get_offset_text().set_horizontalalignment("right")
     return list(axes)
 
 

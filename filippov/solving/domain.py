@@ -37,9 +37,13 @@ def edge(run: Run) -> str:
             value = _number(inner, at)
             rate = _number(inner.diff(t), at)
             rate += sum(_number(inner.diff(y), at) * v for y, v in zip(form.x, field.tolist(), strict=True))
-            if not abs(value) <= HERE * span * abs(rate) and value != 0.0:
+            divided = whole.is_Pow and whole.exp.is_negative
+            near = value == 0.0 or abs(value) <= HERE * span * abs(rate)
+            if np.isnan(value) or (not near and (divided or value > 0.0)):
                 continue
-            if whole.is_Pow and whole.exp.is_negative:
+            if not near:
+                return f"d{x}/dt holds {whole}, which has no value here, where {inner} is {value:.6g}."
+            if divided:
                 return f"d{x}/dt is divided by {inner}, which comes to 0 here: the solution ends there."
             stays = whole.xreplace({inner: type(x)(f"Max({inner}, 0)")})
             return (

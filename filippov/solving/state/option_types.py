@@ -140,6 +140,12 @@ ANSWERS: dict[str, str] = {
 }
 # What has no meaning where only the ends are kept.
 ENDS_ONLY = {
+    **dict.fromkeys(
+        ("jobs", "n_jobs", "workers", "processes", "executor"),
+        "solve_many runs in this process, on threads=... Worker processes and dask are those of a sweep: "
+        "Sweep(problem, over={'P': [10, 20]}).run(jobs=4).",
+    ),
+} | {
     name: f"{name} is for solve: solve_many keeps the ends only. Use solve for the way of one trajectory."
     for name in (
         "t_eval", "events", "dense_output", "save_events", "on_graze", "max_time", "backend", "throw",
