@@ -38,6 +38,7 @@ from filippov.analysis import (
     bifurcation,
     brute_force,
     compare,
+    find_orbit,
     find_section,
 )
 from filippov.app.cli.main import main
@@ -54,6 +55,7 @@ ENDS = solve_many(MASS, [(1, 0), (2, 0), (3, 0)], (0, 12))
 TREE = solve(MASS, (1, 0), (0, 1), nonunique="branch")
 FORCED = System({x: v, v: -2 * x - 0.3 * v + p.A * cos(t)})
 WATCHED = System({x: v, v: -x}, surfaces=[Surface("half", x - 0.5, kind="observer")])
+ORBIT = find_orbit(FORCED, (0, 0))
 RELAY = System({x: v, v: p.A * (1 - x**2) * v - x})
 
 
@@ -139,6 +141,14 @@ MISTAKES: dict[str, tuple[Callable[[], object], str, str]] = {
         lambda: System({x: -p.mu * sign(x) - parameters(mu=0.3).mu}), "with the defaults 0.",
         "and write p.mu",
     ),
+    "an event as text": (lambda: solve(MASS, (1, 0), (0, 1), events="x - 1"), "'x - 1'", "without quotes"),
+    "a parameter of a problem": (
+        lambda: PROBLEM.remake(mu=0.3), "mu is a parameter", "parameters={'mu': 0.3}",
+    ),
+    "the states of an orbit by order": (lambda: ORBIT.plot("x"), "2 values in order", "states=..."),
+    "the period of an orbit": (lambda: ORBIT.T, "no attribute 'T'", "period is period"),
+    "a solution between its times": (lambda: RUN.interpolate(1.0), "'interpolate'", "solution.sol(t)"),
+    "ends of an ensemble": (lambda: ENDS.t_end, "no attribute 't_end'", "t and x"),
     "section by its name": (lambda: EventMap(MASS, "v"), "section is 'v'", "find_section(system, x0)"),
 }  # fmt: skip
 COMMANDS: dict[str, tuple[str, str, str]] = {

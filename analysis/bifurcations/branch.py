@@ -169,11 +169,11 @@ class Branch(Shown, Answering):
             "points": [_told(point) for point in self.points],
         }  # fmt: skip
 
-    def plot(self, **options: Any) -> Any:
+    def plot(self, *given: Any, **options: Any) -> Any:
         """The branch over the parameter (see `filippov.plot.branch.plot_branches`)."""
         from filippov.plot.branch import plot_branches
 
-        return plot_branches([self], **options)
+        return plot_branches([self], *given, **options)
 
     @keywords()
     def save(self, path: str | Path) -> Path:

@@ -164,11 +164,11 @@ class Comparison(Shown, Answering):
         """The same as text."""
         return json_text(finite(self.to_dict()), indent=2)
 
-    def plot(self, **options: Any) -> Any:
+    def plot(self, *given: Any, **options: Any) -> Any:
         """Differences and work over the width (see `filippov.plot.comparison`)."""
         from filippov.plot.comparison import plot_comparison
 
-        return plot_comparison(self, **options)
+        return plot_comparison(self, *given, **options)
 
 
 def tended(known: Pairs, floor: float) -> tuple[float | None, bool | None, str]:

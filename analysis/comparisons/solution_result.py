@@ -176,11 +176,11 @@ class SolutionComparison(Shown, Answering):
 
         return page(self)
 
-    def plot(self, **options: Any) -> Any:
+    def plot(self, *given: Any, **options: Any) -> Any:
         """The solutions, errors over width and over work (see `filippov.plot.solution_comparison`)."""
         from filippov.plot.solution_comparison import plot_solution_comparison
 
-        return plot_solution_comparison(self, **options)
+        return plot_solution_comparison(self, *given, **options)
 
 
 MotionComparison = SolutionComparison  # its earlier name

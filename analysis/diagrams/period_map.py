@@ -58,11 +58,11 @@ class PeriodMap(Told):
         notes = sorted({note for row in self.notes for note in row if note})
         return "\n".join([*lines, *notes[:3]])
 
-    def plot(self, **options: Any) -> Any:
+    def plot(self, *given: Any, **options: Any) -> Any:
         """Periods by colour (see `filippov.plot.regions.plot_periods`)."""
         from filippov.plot.regions import plot_periods
 
-        return plot_periods(self, **options)
+        return plot_periods(self, *given, **options)
 
 
 @keywords()

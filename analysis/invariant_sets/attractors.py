@@ -133,11 +133,11 @@ class Attractors(Told):
     def __str__(self) -> str:
         return "\n".join(self.lines())
 
-    def plot(self, **options: Any) -> Any:
+    def plot(self, *given: Any, **options: Any) -> Any:
         """Basins in the plane with the attractors (see `filippov.plot.attractors`)."""
         from filippov.plot.attractors import plot_attractors
 
-        return plot_attractors(self, **options)
+        return plot_attractors(self, *given, **options)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data: numbers, text, lists and dicts."""

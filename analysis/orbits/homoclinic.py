@@ -82,13 +82,13 @@ class Homoclinic(Shown):
     residual: float
     pieces: tuple[Solution, ...] = field(repr=False, default=())
 
-    def plot(self, **options: Any) -> Any:
+    def plot(self, *given: Any, **options: Any) -> Any:
         """Phase portrait beside time series (see `filippov.plot.orbits.plot_orbit`)."""
         from filippov.plot.orbits import plot_orbit
 
         place = ", ".join(f"{round(v, 9) + 0.0:.5g}" for v in self.saddle.x.tolist())
         title = f"homoclinic orbit of the saddle ({place}) in mode {mode_text(self.saddle.mode)}\n"
-        return plot_orbit(self, **{"title": f"{title}{self.free} = {self.value:.10g}", **options})
+        return plot_orbit(self, *given, **{"title": f"{title}{self.free} = {self.value:.10g}", **options})
 
     def __repr__(self) -> str:
         mode = mode_text(self.saddle.mode)

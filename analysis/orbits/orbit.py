@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -57,6 +57,11 @@ class Orbit(Told, Answering):
     residual       largest residual of the equations of the orbit
     """
 
+    _elsewhere: ClassVar[Mapping[str, str]] = {
+        "T": "its period is period.",
+        **dict.fromkeys(("floquet", "eigenvalues"), "its Floquet multipliers are multipliers."),
+        **dict.fromkeys(("x", "y", "t", "sol"), "a state on it is x0; solve(system, x0, ...) follows it."),
+    }
     _also = ("verdict", "stable", "amplitude")
     _untold = ("system", "problem", "unknowns", "solutions")
 
@@ -133,11 +138,11 @@ class Orbit(Told, Answering):
             rtol=self.rtol, atol=self.atol, method=self.method, zeno="continue", nonunique="stick",
         )  # fmt: skip
 
-    def plot(self, **options: Any) -> Any:
+    def plot(self, *given: Any, **options: Any) -> Any:
         """Phase portrait beside time series (see `filippov.plot.orbits.plot_orbit`)."""
         from filippov.plot.orbits import plot_orbit
 
-        return plot_orbit(self, **options)
+        return plot_orbit(self, *given, **options)
 
     def __repr__(self) -> str:
         largest = np.abs(self.multipliers[0]) if self.multipliers.size else 0.0

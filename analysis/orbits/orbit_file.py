@@ -40,9 +40,9 @@ def read_json(path: str | Path, form: str, version: int) -> dict[str, Any]:
             f"{str(path)!r} has version {data.get('version')!r} of the {form} format, expected {version}; "
             "read it with the release that wrote it."
         )
-    # Files written earlier have none.
+    # Files written earlier have none; a name like it was one.
     told = data.pop("sha256", None)
-    if told is not None and told != _digest(data):
+    if (told is not None and told != _digest(data)) or any(key.startswith("sha") for key in data):
         raise UsageError(
             f"{str(path)!r} was altered since it was written: its content has another sha256 than the one it "
             "notes. Write it again; a file that is changed on purpose goes without its line 'sha256'."

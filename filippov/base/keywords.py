@@ -106,8 +106,8 @@ def keywords(
                 if own is None:
                     told = sentences.get(name)
                     said = told(given[name]) if callable(told) else told
-                    if said is None and len(args) > self:
-                        said = _of_system(args[self], name, given[name], known)
+                    if said is None and args:
+                        said = _of_system(args[min(self, len(args) - 1)], name, given[name], known)
                     raise error(said or unknown(kind, name, names))
                 open_place = any(q not in given for q in places[len(args) - self :])
                 if own in given or (own in places[: len(args) - self] and not open_place):
@@ -136,9 +136,10 @@ def keywords(
 
 
 def _of_system(owner: Any, name: str, value: Any, known: frozenset[str]) -> str:
-    """What is said of a keyword that is a parameter or a state of the system that was given first."""
+    """What is said of a keyword that is a parameter or a state of the system, or problem, given first."""
     from filippov.base.given import shown
 
+    owner = getattr(owner, "system", owner)
     if "parameters" in known and name in getattr(getattr(owner, "parameters", None), "names", ()):
         return f"{name} is a parameter of the system: write parameters={{{name!r}: {shown(value)}}}."
     if "x0" in known and name in getattr(owner, "states", ()):

@@ -41,7 +41,7 @@ class UserEvent:
         if not callable(self.g) and not is_expression(self.g):
             raise UsageError(
                 f"an event is {self.g!r}, expected a function g(t, y) -> float, an expression or a "
-                "UserEvent. A Stop goes to stop=."
+                f"UserEvent{', without quotes' if isinstance(self.g, str) else ''}. A Stop goes to stop=."
             )
         if not is_expression(self.g):
             called = getattr(self.g, "__name__", "g")
@@ -91,7 +91,7 @@ def user_events(events: Any) -> tuple[UserEvent, ...]:
     if events is None:
         return ()
     events = single(events)
-    one = callable(events) or isinstance(events, UserEvent) or is_expression(events)
+    one = callable(events) or isinstance(events, UserEvent | str) or is_expression(events)
     if one or not isinstance(events, Sequence):
         events = (events,)
     return tuple(

@@ -91,7 +91,8 @@ class Ensemble(Shown, Answering):
     """
 
     _elsewhere: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("y", "sol", "segments", "plot"), "it keeps the ends, t and x; solve has the rest.")
+        **dict.fromkeys(("y", "sol", "segments", "plot"), "it keeps the ends, t and x; solve has the rest."),
+        **dict.fromkeys(("t_end", "x_end", "y_end"), "the ends are t and x, a row for each trajectory."),
     }
 
     t: Array

@@ -67,6 +67,7 @@ _OTHER_NAMES = {
     **dict.fromkeys(("savefig", "show", "figure"), _FIGURE),
     **dict.fromkeys(("to_csv", "to_excel", "to_dataframe", "df"), _TABLE),
     **dict.fromkeys(("period", "amplitude"), _OF_ORBITS),
+    **dict.fromkeys(("at", "interpolate", "interp", "resample"), "solution.sol(t) has the states at t."),
     "plot_phase": "filippov.plot.plot_phase(solution, 'x', 'v') is the phase portrait.",
 }
 
