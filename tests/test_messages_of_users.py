@@ -149,6 +149,12 @@ MISTAKES: dict[str, tuple[Callable[[], object], str, str]] = {
     "the period of an orbit": (lambda: ORBIT.T, "no attribute 'T'", "period is period"),
     "a solution between its times": (lambda: RUN.interpolate(1.0), "'interpolate'", "solution.sol(t)"),
     "ends of an ensemble": (lambda: ENDS.t_end, "no attribute 't_end'", "t and x"),
+    "an ensemble for what is measured": (
+        lambda: solve_many(MASS, [(1, 0)], (0, 1), measure=lambda ends: ends), "measure returned Ensemble",
+        "a row for each",
+    ),
+    "a solution for a state": (lambda: solve(MASS, RUN, (0, 1)), "x0 is Solution", "Give its .x_end"),
+    "the end of one of many for a state": (lambda: solve(MASS, ENDS[0], (0, 1)), "x0 is End", "Give its .x."),
     "section by its name": (lambda: EventMap(MASS, "v"), "section is 'v'", "find_section(system, x0)"),
 }  # fmt: skip
 COMMANDS: dict[str, tuple[str, str, str]] = {

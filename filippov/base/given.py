@@ -167,7 +167,8 @@ def number_array(name: str, value: object, error: type[Exception] = UsageError) 
     except TypeError as why:  # as of pint, for quantities inside rows
         raise error(f"{name} is {shown(listed)}, expected numbers: {why}.") from None
     except ValueError:
-        raise error(f"{name} is {shown(listed)}, expected numbers in rows of one length.") from None
+        said = f"{name} is {shown(listed)}, expected numbers in rows of one length.{_inside(value)}"
+        raise error(said) from None
     if array.dtype.kind in "fiu" and (isinstance(value, np.ndarray) or not _has_flag(listed)):
         return np.array(array, dtype=np.float64)
     entries = None
@@ -176,9 +177,15 @@ def number_array(name: str, value: object, error: type[Exception] = UsageError) 
     if entries is None or None in entries:
         raise error(
             f"{name} is {shown(listed)} (type {array.dtype}), expected real numbers"
-            f"{_as_numbers(name, array)}"
+            f"{_inside(value).replace(' ', '. ', 1) or _as_numbers(name, array)}"
         )
     return np.array(entries, dtype=np.float64).reshape(array.shape)
+
+
+def _inside(value: object) -> str:
+    """Where a result has the state that may be meant."""
+    found = [part for part in ("x_end", "x0", "x") if isinstance(getattr(value, part, None), np.ndarray)]
+    return f" Give its .{found[0]}." if found else ""
 
 
 def _as_numbers(name: str, array: npt.NDArray[Any]) -> str:

@@ -456,11 +456,11 @@ def _column(kind: EventKind, direction: int) -> int:
 
 
 def _measured(measure: Callable[[Ensemble], Any], part: Ensemble) -> npt.NDArray[Any]:
-    values = np.asarray(measure(part))
+    made = measure(part)
+    values = np.empty(()) if isinstance(made, Ensemble) else np.asarray(made)
     if values.ndim == 0 or len(values) != len(part.t):
-        raise UsageError(
-            f"measure returned shape {values.shape} for {len(part.t)} trajectories, expected a row for each."
-        )
+        said = f"{type(made).__name__} of shape {values.shape}"
+        raise UsageError(f"measure returned {said} for {len(part.t)} trajectories, expected a row for each.")
     return values
 
 
