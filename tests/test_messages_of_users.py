@@ -107,10 +107,10 @@ MISTAKES: dict[str, tuple[Callable[[], object], str, str]] = {
     "a tree of another state": (lambda: TREE.plot("w"), "unknown state 'w'", "known: x, v"),
     "no values of a diagram": (
         lambda: bifurcation(MASS, SECTION, parameter="mu", values=[], interval=(0.1, 1)), "values is []",
-        "one number at least",
+        "one number or more",
     ),
     "no values of a diagram by iteration": (
-        lambda: brute_force(MASS, None, "mu", [], (1, 0)), "values is []", "one number at least",
+        lambda: brute_force(MASS, None, "mu", [], (1, 0)), "values is []", "one number or more",
     ),
     "a section of nothing": (
         lambda: find_section(System({x: v, v: -x}), (1, 0)), "there is none in the system",

@@ -249,7 +249,7 @@ def some_numbers(name: str, value: object, error: type[Exception] = UsageError) 
     """Finite numbers in a row, one at least; raises `error`."""
     found = row(name, value, error=error)
     if not found:
-        raise error(f"{name} is {shown(value)}, expected one number at least.")
+        raise error(f"{name} is {shown(value)}, expected one number or more.")
     return found
 
 
