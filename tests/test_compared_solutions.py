@@ -134,9 +134,9 @@ def test_15_4_what_is_met_by_every_width_is_not_needed() -> None:
 
 
 def test_15_4_where_one_integrator_gives_up_the_other_is_tried() -> None:
-    """Radau ends with min_step where the lag of the memory model is 0 in stick; the order is 1."""
+    """Radau ends with min_step where the lag of a narrow memory model is 0 in stick; the order is 1."""
     table = compare(belt(), (0.1, 0.2), (0, 40), against=["memory"], widths=(0.1, 0.01, 0.001))
-    assert {row["method"] for row in table.of("memory")} == {"DOP853"}
+    assert [row["method"] for row in table.of("memory")][1:] == ["DOP853", "DOP853"]
     assert table.trend("memory", "error_state").order == pytest.approx(1, abs=0.2)
 
 
