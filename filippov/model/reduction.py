@@ -155,7 +155,7 @@ def _reduction(
     field = [_on_surface(convex(f, set(signs)).xreplace(gone), at) for f in form.field]
     if any(f.has(sympy.nan, sympy.zoo, sympy.oo) for f in field):
         return "the field has no value on the surfaces"
-    found = _rows(form, zero, signs, field, gone, at)
+    found = _rows(system, form, zero, signs, field, gone, at)
     if isinstance(found, str):
         return found
     rows, constraints, orders = found
@@ -165,9 +165,9 @@ def _reduction(
             continue
         rate, effects = _rate(phi, tuple(form.x), tuple(field), signs)
         if any(effects) or not _implied(rate, constraints if zero else (*constraints, phi), form.x, at):
-            return f"the solution on the surfaces leaves {_name(form, k)}"
+            return f"the solution on the surfaces leaves {_name(system, k)}"
         if not zero and rate.free_symbols - {t, *form.x, *form.p}:
-            return f"the rate of {_name(form, k)} depends on other signs or sizes"
+            return f"the rate of {_name(system, k)} depends on other signs or sizes"
         # It stays where it is.
         constraints = (*constraints, phi)
     if not zero:
@@ -178,7 +178,7 @@ def _reduction(
     if idle and len(idle) < len(zero):
         resting = [i for i in idle if system.surfaces[i].reset]
         if resting:
-            return f"the contact at {_name(form, resting[0])} acts on no rate"
+            return f"the contact at {_name(system, resting[0])} acts on no rate"
         more = tuple(sorted({*kinks, *idle}))
         return _reduction(system, form, tuple(i for i in zero if i not in idle), more, at)
     chosen = _pivots(form, zero, rows, at)
@@ -235,7 +235,7 @@ def _slopes(rows: tuple[Expr, ...], by: tuple[Symbol, ...]) -> tuple[tuple[Expr,
 
 
 def _rows(
-    form: SymbolicForm, zero: Sequence[int], signs: Sequence[Symbol], field: Sequence[Expr],
+    system: System, form: SymbolicForm, zero: Sequence[int], signs: Sequence[Symbol], field: Sequence[Expr],
     gone: Mapping[Symbol, Expr], at: Mapping[Symbol, float],
 ) -> tuple[_Rows, tuple[Expr, ...], dict[int, int]] | str:  # fmt: skip
     """Per surface the derivative whose rate feels the signs, and what each does to it; constraints; orders.
@@ -250,19 +250,19 @@ def _rows(
     while waiting:
         i, phi = waiting.popitem()
         if phi.free_symbols - free:
-            return f"the rate of {_name(form, i)} depends on other signs or sizes"
+            return f"the rate of {_name(system, i)} depends on other signs or sizes"
         rate, effects = _rate(phi, tuple(form.x), tuple(field), tuple(signs))
         if any(e.free_symbols & set(signs) for e in effects):
-            return f"the rate of {_name(form, i)} holds products of signs"
+            return f"the rate of {_name(system, i)} holds products of signs"
         if any(not _vanishes(e, constraints, form.x) for e in effects):
             rows[i] = phi, effects
             continue
         following = sympy.expand(rate.xreplace(dict.fromkeys(signs, sympy.S.Zero)))
         if following.free_symbols - free:
-            return f"the rate of {_name(form, i)} depends on other signs or sizes"
+            return f"the rate of {_name(system, i)} depends on other signs or sizes"
         orders[i] += 1
         if orders[i] > HIGHEST_ORDER:
-            return f"no sign acts on the first {HIGHEST_ORDER} derivatives of {_name(form, i)}"
+            return f"no sign acts on the first {HIGHEST_ORDER} derivatives of {_name(system, i)}"
         if _implied(following, constraints, form.x, at):
             continue
         constraints.append(following)
@@ -388,8 +388,8 @@ def _at_zero(f: Expr) -> Expr:
     return f.xreplace({q: sympy.S.Zero for q in f.atoms(sympy.Pow) if q.base == 0})
 
 
-def _name(form: SymbolicForm, i: int) -> str:
-    return repr(str(form.plain_h()[i]))
+def _name(system: System, i: int) -> str:
+    return repr(system.surface_names[i])
 
 
 def _number(e: Expr, at: Mapping[Symbol, float]) -> float:
