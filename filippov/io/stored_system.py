@@ -36,7 +36,7 @@ def system_data(system: System) -> dict[str, Any] | None:
     writer = Writer({**_symbols(base), "u": _signals(_inputs(system))})
     try:
         data = {
-            "states": list(system.states),
+            "states": list(system.exact.states),
             "inputs": [_input_data(samples) for samples in _inputs(system)],
             "parameters": [
                 {"name": q.name, "position": q.position} | {k: getattr(q.parameter, k) for k in _PARAMETER}

@@ -103,7 +103,9 @@ class Switch(_Checked):
     surfaces are NAME:upper (h - eta), NAME:lower (h + eta), NAME:down (-L(lo)) and NAME:up (-L(hi)).
     eta, the half-width; alpha >= 0 [1/time]. Source: Leine 2000, after Karnopp 1985. Two or three surfaces
     may act on each other's rate (`filippov.model.comparators.coupled_bands`): within their bands the signs
-    are those of the stick of all, and the levels are NAME:down with OTHER and so on.
+    are those of the stick of all, and the levels are NAME:down with OTHER and so on. Four or more have a
+    state e_NAME each, last and 0 at the start, at whose value of h they stick; who sticks is then decided by
+    the inclusion, with no levels (`filippov.model.comparators.moving_stick`).
 
     balance   "at rest": the tests take L at h = 0, if h holds one state, linearly; "in motion": at the actual
               h, as damping in the balance requires: its level may then be slid on, in short successive sticks

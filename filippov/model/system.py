@@ -366,21 +366,21 @@ class System:
         """Return the system with another comparator in place of Sgn on its switching surfaces.
 
         One for all of them, or a mapping from names of surfaces (or the formulas of their h); those left out
-        stay exact. It replaces any earlier comparator. Raises ModelError where a comparator cannot be used
-        for a surface (see `filippov.model.comparator`).
+        stay exact. It replaces any earlier comparator, and may add states, last. Raises ModelError where a
+        comparator cannot be used for a surface (see `filippov.model.comparator`).
         """
-        base = self.exact
-        checked = base._read_comparator(comparator)
+        base, checked = self.exact, self.exact._read_comparator(comparator)
         if isinstance(checked, Exact):
             return base
         chosen = by_surface(checked, {q.name: q.kind == "switching" for q in base.surfaces})
         content: dict[str, Any] = {"comparator": checked, "_base": base}
         if base.symbolic is not None:
             from filippov.model.comparators.regularize import regularize_symbolic
-
             form, surfaces = regularize_symbolic(base.symbolic, base.surfaces, chosen)
             if form.p != base.symbolic.p:
                 content["parameters"] = ParameterSet({q.name: q.parameter for q in form.p})
+            names = tuple(q.name for q in form.x)
+            content |= {"states": names, "outputs": _outputs(base.outputs, names, symbolic=True)}
             return base._with(**content, symbolic=form, surfaces=surfaces, field=None)
         from filippov.model.comparators.regularize_plain import regularize_functions
 

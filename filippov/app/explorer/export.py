@@ -102,7 +102,9 @@ def script(solutions: Solutions, view: View) -> str:
         lines += [
             "", f"from filippov import {view['against']}", "",
             f"approximate = system.with_comparator({view['against']}({view['width']!r}))",
-            "other = solve(approximate, x0, t_span, parameters=parameters, **budget)", "print(other.message)",
+            "whole = [*x0, *[0] * (approximate.dimension - len(x0))]  # its own states begin at 0",
+            "other = solve(approximate, whole, t_span, parameters=parameters, **budget)",
+            "print(other.message)",
         ]  # fmt: skip
     section = subject.section
     if section is not None and subject.interval is None and "<" not in repr(section):

@@ -99,9 +99,10 @@ class Solutions:
     # -- work ---------------------------------------------------------------------------------------------
 
     def _solve(self, system: System, view: View, more: dict[str, float]) -> Solution:
+        own = [0.0] * (system.dimension - len(view.x0))  # states that a comparator adds
         solution: Solution = solve(
-            system, view.x0, view.t_span, parameters={**view.parameters, **more}, max_steps=MOST_STEPS,
-            max_events=MOST_EVENTS,
+            system, [*view.x0, *own], view.t_span, parameters={**view.parameters, **more},
+            max_steps=MOST_STEPS, max_events=MOST_EVENTS,
         )  # fmt: skip
         return solution
 

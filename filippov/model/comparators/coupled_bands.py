@@ -1,4 +1,5 @@
 """Two or three bands of Switch or Karnopp models whose signs act on each other's rate: a robot's joints.
+More of them are in `filippov.model.comparators.moving_stick`.
 
     dh_i/dt = R_i + sum_j A_ij s_j,   lo_i <= s_i <= hi_i
 
@@ -47,22 +48,18 @@ Leaves = dict[tuple[str, ...], dict[Symbol, Expr]]
 Places = tuple[int, ...]  # of each band: 1 above it, 0 within it, -1 below it
 
 
-def coupled(bands: Sequence[StickBand]) -> tuple[list[StickBand], list[CoupledBands]]:
-    """The bands that are alone, and the groups that share a rate. Raises ModelError for four that do."""
+def coupled(bands: Sequence[StickBand]) -> tuple[list[StickBand], list[CoupledBands], list[StickBand]]:
+    """The bands that are alone, the groups that share a rate, and all bands of groups of more than MOST."""
     groups: list[list[StickBand]] = []
     for band in bands:
         near = [group for group in groups if any(_meet(band, other) for other in group)]
         groups = [group for group in groups if group not in near] + [[band, *(q for g in near for q in g)]]
     groups = [sorted(group, key=lambda band: band.i) for group in groups]
-    for group in groups:
-        if len(group) > MOST:
-            names = ", ".join(repr(band.surface.name) for band in group)
-            raise ModelError(
-                f"{group[0].name}: {len(group)} surfaces, {names}, act on each other's dh/dt; Switch and "
-                f"Karnopp are there for {MOST} that do. Choose Band or Smooth for all but {MOST} of them, or "
-                'method="Moreau", which solves for the sticks of any number.'
-            )
-    return [group[0] for group in groups if len(group) == 1], [CoupledBands(g) for g in groups if len(g) > 1]
+    return (
+        [group[0] for group in groups if len(group) == 1],
+        [CoupledBands(group) for group in groups if 1 < len(group) <= MOST],
+        [band for group in groups if len(group) > MOST for band in group],
+    )
 
 
 def _meet(one: StickBand, two: StickBand) -> bool:

@@ -12,6 +12,7 @@ from filippov.base.errors import ModelError
 from filippov.base.symbolic_value import is_expression
 from filippov.model.comparator import Band, Comparator, Exact, Hysteresis, Karnopp, Smooth, Switch, numbers_of
 from filippov.model.comparators.coupled_bands import CoupledBands, coupled
+from filippov.model.comparators.moving_stick import with_moving_stick
 from filippov.model.comparators.stick_band import UNIT, NewSurfaces, StickBand, kink
 from filippov.model.parameter_symbol import ParameterSymbol
 from filippov.model.surface import Surface
@@ -67,7 +68,11 @@ def regularize_symbolic(
         else:
             values[s] = even[s] = shaped(own, h, w)
     field = [convex(f, free) if free else f for f in form.field]
-    alone, several = coupled(bands)
+    alone, several, many = coupled(bands)
+    if many:
+        form = replace(form, p=with_parameters(form.p, chosen))
+        left = {name: own for name, own in chosen.items() if name not in {band.surface.name for band in many}}
+        return regularize_symbolic(*with_moving_stick(form, surfaces, many), left)
     groups: list[StickBand | CoupledBands] = [*alone, *several]
     for group in groups:
         group.add_rates(new, lambda e: evened(e, form, surfaces, even))

@@ -10,7 +10,8 @@ the other two then have, and up likewise; it is taken out where it is balanced (
 
 So there are 2, 6 and 20 levels for one, two and three, and one more for each A_ij that has no known sign: 14
 or 15 surfaces with their edges for two frictions, and 50 to 56 for three, each with an event where it is
-passed. Four had 194, and the signs of three would have to be written by |.|.
+passed. Four had 194, and the signs of three would have to be written by |.|: these are in
+`filippov.model.comparators.moving_stick`.
 """
 
 from __future__ import annotations

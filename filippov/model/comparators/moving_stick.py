@@ -1,0 +1,130 @@
+"""Bands of any number of Switch or Karnopp models that share a rate: each friction sticks to what moves by e.
+
+    h_i in place of which the sign takes h_i - e_i;   e_i' = -alpha_i e_i
+    e_i = +-eta_i where |h_i| = eta_i is passed inwards, 0 where it is passed outwards
+
+so that dh_i/dt = -alpha_i h_i while friction i sticks, from the edge of its band on. Who sticks, and with
+which force, the inclusion itself decides: three surfaces a friction for any number of them, where the levels
+of `filippov.model.comparators.coupled_bands` grow like 3^n. Friction that slips within its band sticks again
+at h_i = e_i, not where its force would hold it.
+
+Switch     places move with the velocities
+Karnopp    velocities count in every equation as those at h_i - e_i, brought there along what the signs do
+           (where some depend on the others, each along what its own sign does), so nothing drifts in stick
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.base.errors import ModelError
+from filippov.model.comparator import Karnopp
+from filippov.model.comparators.stick_band import OTHERS, UNIT, StickBand, moved_onto
+from filippov.model.surface import Surface
+from filippov.model.symbolic import SymbolicForm, convex
+from filippov.model.symbols import states
+
+Row = tuple[Expr, ...] | None
+
+
+def with_moving_stick(
+    form: SymbolicForm, surfaces: Sequence[Surface], bands: Sequence[StickBand]
+) -> tuple[SymbolicForm, tuple[Surface, ...]]:
+    """The form with one state e more for each band, last, and the surfaces with the edges of bands, last.
+
+    Raises ModelError where what Karnopp takes for the velocity at h = e depends on the velocities.
+    """
+    _check_independent(bands)
+    e = _memories(form, bands)
+    n, m = len(form.x), len(form.h)
+    h, sets, out = list(form.h), list(form.radius), list(surfaces)
+    widths = list(form.widths) or [None] * m
+    edges: list[tuple[Symbol, ...]] = []
+    for band, q in zip(bands, e, strict=True):
+        h[band.i], widths[band.i] = band.h - q, None
+        out[band.i] = replace(band.surface, h=band.surface.h - q, width=0.0)
+        # One rule for both edges: an impact may pass them at once.
+        before = [Symbol(f"_s{len(h) + k}", real=True) for k in range(2)]
+        after = band.width * sympy.Add(*before) / 2
+        for name, side in (("upper", 1), ("lower", -1)):
+            h.append(band.h - side * band.width)
+            edges.append(tuple(after if other is q else other for other in (*form.x, *e)))
+            out.append(Surface(f"{band.surface.name}:{name}", band.surface.h - side * band.width,
+                               reset={q: after}, side="both"))  # fmt: skip
+    more = len(edges)
+    seen = _seen(form, bands, e)
+    field = [f.xreplace(seen) for f in form.field]
+    field[n:n] = [-band.alpha * q for band, q in zip(bands, e, strict=True)]
+
+    def longer(row: Row) -> Row:
+        return None if row is None else (*row, *e)
+
+    made = replace(
+        form, x=(*form.x, *e), field=tuple(field), h=tuple(h), radius=(*sets, *[UNIT] * more),
+        s=(*form.s, *(Symbol(f"_s{k}", real=True) for k in range(m, m + more))),
+        a=(*form.a, *(Symbol(f"_a{k}", nonnegative=True) for k in range(m, m + more))),
+        reset=(*(longer(row) for row in form.reset or (None,) * m), *edges),
+        time_reset=tuple(longer(row) for row in form.time_reset),
+        contact=tuple(
+            None if q is None else replace(q, direction=(*q.direction, *[sympy.S.Zero] * len(e)))
+            for q in (*form.contact, *[None] * more)
+        ) if form.contact else (),
+        widths=(*widths, *[None] * more) if any(w is not None for w in widths) else (),
+        held=(*form.held, *[False] * more) if form.held else (),
+    )  # fmt: skip
+    return made, tuple(out)
+
+
+def _check_independent(bands: Sequence[StickBand]) -> None:
+    """Raise ModelError where one h is a sum of the others: h_i = e_i cannot hold for all, and one tears off.
+    """
+    terms = [sympy.expand(band.h).as_coefficients_dict() for band in bands]
+    every = sorted({q for row in terms for q in row}, key=sympy.default_sort_key)
+    rows = np.array([[float(row.get(q, 0)) for q in every] for row in terms])
+    for k in range(2, len(bands) + 1):
+        if np.linalg.matrix_rank(rows[:k], tol=1e-9) < k:
+            others = ", ".join(repr(band.surface.name) for band in bands[: k - 1])
+            raise ModelError(
+                f"{bands[k - 1].name}: its h is a sum of those of {others}, with which it shares a rate, so "
+                "that their bands cannot be left one by one. Choose Band for it."
+            )
+
+
+def _memories(form: SymbolicForm, bands: Sequence[StickBand]) -> tuple[Symbol, ...]:
+    """One new state for each band, named after its surface."""
+    taken = [q.name for q in (*form.x, *form.p)]
+    for band in bands:
+        name = "e_" + "".join(c if c.isalnum() else "_" for c in band.surface.name)
+        while name in taken:
+            name += "_"
+        taken.append(name)
+    return tuple(states(" ".join(taken[-len(bands) :])))
+
+
+def _seen(form: SymbolicForm, bands: Sequence[StickBand], e: Sequence[Symbol]) -> dict[Symbol, Expr]:
+    """The states as those under Karnopp count them."""
+    signs = {band.s for band in bands}
+    at = {band.a: sympy.S.Zero for band in bands}
+    fields = [convex(f, signs).xreplace(at) for f in form.field[: len(form.x)]]
+    parts = [
+        ([q], [[band.h.diff(x) for x in form.x]], [[f.diff(band.s) for f in fields]])
+        for band, q in zip(bands, e, strict=True) if isinstance(band.own, Karnopp)
+    ]  # fmt: skip
+    if not parts:
+        return {}
+    h, slopes, effects = ([row for part in parts for row in part[k]] for k in range(3))
+    lost = moved_onto(h, slopes, effects, form.x, form.p)
+    alone = [] if lost else [moved_onto(*part, form.x, form.p) for part in parts]
+    if not lost and not all(alone):
+        names = ", ".join(repr(band.surface.name) for band in bands)
+        raise ModelError(
+            f"{bands[0].name}: the ratio in which the signs of {names} act on the velocities changes with "
+            f"these, expected one of the places alone, as a mass matrix has it. {OTHERS}"
+        )
+    lost = lost or [sympy.Add(*less) for less in zip(*alone, strict=True)]
+    return {x: x - less for x, less in zip(form.x, lost, strict=True) if less != 0}
