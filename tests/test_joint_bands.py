@@ -160,6 +160,20 @@ def test_15_1_many_mass_matrices_go_to_the_exact_solution(kind: Any, n: int) -> 
     assert np.median(orders) == pytest.approx(1, abs=0.03)
 
 
+@pytest.mark.parametrize("seed", [174, 252, 267])
+def test_15_1_the_edge_of_a_narrow_band_is_not_passed_on_the_way_to_a_level_beside_it(seed: int) -> None:
+    """Of 300 draws those that ended so: a level's root just beyond the edge seemed to come before it."""
+    rng = np.random.default_rng(seed)
+    given, _ = drawn(rng, 3)
+    x0 = [*rng.uniform(-1, 1, 3), *(rng.uniform(-1, 1, 3) * (rng.random(3) < 0.6))]
+    exact = chain(3)
+    known = solve(exact, x0, (0, 8), parameters=given, rtol=1e-11, atol=1e-13).x_end
+    made, narrow = exact.with_comparator(Karnopp(ETA)), given | {"eta": 1e-6}
+    run = solve(made, x0, (0, 8), parameters=narrow, rtol=1e-10, atol=1e-13)
+    assert run.success, run.message
+    assert run.x_end == pytest.approx(known, abs=1e-5)
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("kind", ["switch", "karnopp"])
 def test_15_1_a_two_link_arm_goes_to_the_exact_one(kind: str, seed: int) -> None:

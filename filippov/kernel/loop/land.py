@@ -89,18 +89,20 @@ def go(
 def reached_before(
     t: float, x: Vector, f: Vector, m: Vector, order: Indices, i: int, w: Scratch
 ) -> tuple[int, float]:
-    """Of the surfaces with resets that the solution has passed, the earliest: (number, time since then).
+    """Of the surfaces that the solution has passed, the earliest: (number, time since then); (-1, 0.0): none.
 
-    (-1, 0.0) for none. The guards and their rates at (t, x) are those in w.end, f is the field; surface i is
-    left out. The dense output shows roots, and their order, to its rounding; a step shows them to that of x.
+    Of those with resets, and of all where the guard of the surface i landed on is not linear: between its
+    samples its root may seem to come before theirs. The guards and their rates at (t, x) are those in w.end,
+    f is the field; surface i is left out. The dense output shows roots, and their order, to its rounding; a
+    step shows them to that of x.
     """
     first, longest = -1, 0.0
     for j in range(M):
         value, speed = m[j] * w.end[2 * j], m[j] * w.end[2 * j + 1] * w.direction
-        if value < 0.0 and speed < 0.0 and j != i and m[j] != 0.0 and RESET_FROM[j] != 0:
-            if order[j] == ALONG:
+        if value < 0.0 and speed < 0.0 and j != i and m[j] != 0.0 and order[j] != ALONG:
+            if RESET_FROM[j] == 0 and (i < 0 or LINEAR[i] != 0):
                 continue
-            if RESET_FROM[j] != 2 and float(RESET_FROM[j]) != m[j]:
+            if RESET_FROM[j] != 0 and RESET_FROM[j] != 2 and float(RESET_FROM[j]) != m[j]:
                 continue
             size = abs(w.gt[j])
             for a in range(N):

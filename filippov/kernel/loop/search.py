@@ -251,7 +251,7 @@ def land_first(run: Trajectory) -> int:
     """Land on the event, or on one that was passed on the way; the code of `land`."""
     p, m, w, iw, ctx, now = run.p, run.m, run.w, run.iw, run.ctx, run.now
     failed = land_here(run, now.slope)
-    for _ in range(M if RESETS and M > 1 else 0):
+    for _ in range(M if M > 1 and (RESETS or LINEAR[now.surface] == 0) else 0):
         t = now.t + now.length
         if failed == 0:
             failed = field(t, w.xe, p, m, w.f, w, iw, ctx)
