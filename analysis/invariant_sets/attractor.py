@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from filippov import System, UsageError
+from filippov import Solution, System, UsageError
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.base.arrays import Array
 from filippov.base.shown import Told
@@ -35,9 +35,10 @@ class Attractor(Told):
     multipliers  of a periodic orbit (Floquet, the trivial one taken out); of an equilibrium those of the
                  flow over one strobe or step, `duration` of the search
     exponent     largest Lyapunov exponent with its error, (nan, nan) where it was not computed
-    stable       True or False by the multipliers; None where they do not decide, and where there are none
+    stable       True or False by the multipliers; None where they do not decide, and where there are none;
+                 True for a periodic orbit without them, to which states beside it came back
     low, high    extent by state, (n,)
-    orbit        the periodic orbit
+    orbit        the periodic orbit; None where the flow has no derivative along it, as the note says
     note         further remarks
     """
 
@@ -119,9 +120,14 @@ class Attractor(Told):
 
 def curve_of(orbit: Orbit) -> Array:
     """States of one period at equal times, and at both sides of its events: (k, n)."""
-    solution = orbit.solution()
+    return samples_of(orbit.solution())
+
+
+def samples_of(solution: Solution) -> Array:
+    """States of a solution at equal times, and at both sides of its events: (k, n)."""
     assert solution.sol is not None
     t = np.unique(np.concatenate([
-        np.linspace(orbit.t0, solution.t_end, POINTS), np.array([e.t for e in solution.events], dtype=float),
+        np.linspace(solution.problem.t_span[0], solution.t_end, POINTS),
+        np.array([e.t for e in solution.events], dtype=float),
     ]))  # fmt: skip
     return np.asarray(solution.sol(t).T)

@@ -11,10 +11,12 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.invariant_sets.attractor import Attractor, AttractorKind, curve_of
 from filippov.analysis.invariant_sets.recurrence import Grid
 from filippov.analysis.invariant_sets.state_map import StateMap
+from filippov.analysis.invariant_sets.undifferentiated import undifferentiated
 from filippov.analysis.maps.stroboscope import strobes_and_turns
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.lyapunov import lyapunov
+from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.base.arrays import Array
 
 # Iterates that are looked at; longest period of the map that is searched; iterates kept of a chaotic
@@ -132,6 +134,8 @@ class Identifier:
             orbit = find_orbit(
                 flow.system, y[-1], parameters=flow.parameters, period=periods * flow.duration, t0=flow.t0
             )
+        except NotDifferentiableError as error:
+            return undifferentiated(flow, y, self.size, str(error).split(". ")[0])
         except FAILS:
             return None
         return self._of_orbit(orbit, y)
@@ -143,6 +147,8 @@ class Identifier:
             orbit = find_orbit(
                 flow.system, y[-1], parameters=flow.parameters, t_max=max(400 * flow.duration, 1e-9)
             )
+        except NotDifferentiableError as error:
+            return undifferentiated(flow, y, self.size, str(error).split(". ")[0])
         except FAILS:
             return None
         return self._of_orbit(orbit, y)

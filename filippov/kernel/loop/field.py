@@ -39,6 +39,10 @@ from filippov.kernel.loop.rules import (
     slide_utkin,
 )
 from filippov.kernel.loop.state import Integers, Scratch
+from filippov.kernel.tables.layout import EPS
+
+# What hold_contacts found; |h| in terms of h that is none; steps onto contacts and their rates by turns.
+MOVED, ROUNDING, ALTERNATIONS = 2, 4.0 * EPS, 12
 
 
 @kernel
@@ -189,7 +193,11 @@ def field(
 def hold_contacts(
     t: float, x: Vector, p: Vector, m: Vector, h: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """Put x on the surfaces it rests on: in contact the guard is their rate, which would let h drift."""
+    """Put x on the surfaces it rests on: in contact the guard is their rate, which would let h drift.
+
+    0 where x was on all of them, MOVED where it was not, 1 where a function failed.
+    """
+    moved = 0
     for c in range(iw.sliding):
         i = iw.listed[c]
         if CONTACT[i] != 0:
@@ -199,20 +207,32 @@ def hold_contacts(
             m[i] = 0.0
             if code != 0:
                 return 1
-            size = gradient_product(i, i, w)
+            size, terms = gradient_product(i, i, w), abs(w.gt[i] * t)
+            for j in range(N):
+                terms += abs(w.g[i * N + j] * x[j])
+            if abs(h[i]) > ROUNDING * terms:
+                moved = MOVED
             if size > 0.0:
                 add_gradient(i, -h[i] / size, x, w)
-    return 0
+    return moved
 
 
 @kernel
 def project(
     t: float, x: Vector, p: Vector, m: Vector, h: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """Put x back on every sliding surface along the gradients; two Newton steps take |h| to rounding."""
-    for _ in range(2):
-        if CONTACTS and hold_contacts(t, x, p, m, h, w, iw, ctx) != 0:
+    """Put x back on every sliding surface along the gradients; two Newton steps take |h| to rounding.
+
+    A step along a rate moves x off its contact where the gradients are not orthogonal, and the other way round.
+    """
+    for number in range(ALTERNATIONS):
+        held = 0
+        if CONTACTS:
+            held = hold_contacts(t, x, p, m, h, w, iw, ctx)
+        if held == 1:
             return 1
+        if number > 1 and held == 0:
+            return 0
         if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, w.g, w.gt, ctx) != 0:
             return 1
         largest = 0.0
