@@ -223,7 +223,7 @@ def project(
 ) -> int:
     """Put x back on every sliding surface along the gradients; two Newton steps take |h| to rounding.
 
-    A step along a rate moves x off its contact where the gradients are not orthogonal, and the other way round.
+    A step along a rate moves x off its contact, and back, if their gradients are not orthogonal.
     """
     for number in range(ALTERNATIONS):
         held = 0
