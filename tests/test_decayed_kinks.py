@@ -1,0 +1,38 @@
+"""Piecewise linear fields that are continuous, run on long after they have decayed below the tolerances."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+from sympy import Abs
+
+from filippov import System, solve, states
+
+NAMES = states("x y z")
+DRAWS = 60 if os.environ.get("FILIPPOV_PROFILE") == "ci" else 6
+
+
+def drawn(r: np.random.Generator, n: int) -> System:
+    """x' = A x + b |c . x| with complex roots on both sides; |x| falls on both."""
+    while True:
+        a, b, c = (r.integers(-8, 9, size) / 4 for size in ((n, n), n, n))
+        sides = [a + s * np.outer(b, c) for s in (1, -1)]
+        falls = all(np.linalg.eigvalsh(side + side.T).max() < -0.2 for side in sides)
+        if falls and c.any() and all(np.iscomplex(np.linalg.eigvals(side)).any() for side in sides):
+            break
+    x = NAMES[:n]
+    kink = Abs(sum(v * q for v, q in zip(c, x, strict=True)))
+    return System({x[i]: sum(a[i, j] * x[j] for j in range(n)) + b[i] * kink for i in range(n)})
+
+
+@pytest.mark.parametrize("n", [2, 3])
+@pytest.mark.parametrize("seed", range(DRAWS))
+def test_what_has_decayed_goes_on(n: int, seed: int) -> None:
+    """Steps long beside a turn had roots that led back to the kink, and "events do not leave the state"."""
+    r = np.random.default_rng([n, seed])
+    run = solve(drawn(r, n), r.normal(size=n), (0, 300))
+    assert run.success, run.message
+    assert np.max(np.abs(run.x_end)) < 1e-9
+    assert {str(e.kind) for e in run.events if np.max(np.abs(e.x)) > 1e-6} <= {"crossing"}
