@@ -27,7 +27,7 @@ from filippov.kernel.loop.model import (
 )
 from filippov.kernel.loop.roots.sampling import guard_rows
 from filippov.kernel.loop.state import Integers, Scratch
-from filippov.kernel.tables.codes import ALONG, KINK, ROOT, SWITCHING, TOUCH, UPPER
+from filippov.kernel.tables.codes import ALONG, ROOT, SWITCHING, TOUCH, UPPER
 from filippov.kernel.tables.layout import EPS
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
@@ -116,8 +116,6 @@ def reached_before(
 # How far beyond its located place an event may be, relative to the step, without another search, and how far
 # beyond its set a multiplier may be there.
 PAST, BEYOND = 0.05, 1e-6
-# A landing nearer to the start than this part of where the dense output has the root is not that root.
-RETURNED = 1e-3
 
 
 @kernel
@@ -241,13 +239,6 @@ def land(
     unseen = LINEAR[i] != 0 and WIDTH[i] == 0.0 and not (IMPLICIT or NON_LIPSCHITZ)
     if code == 0 and sound and cause == ROOT and (unseen or ((CLAMPED or bent) and ROLE[i] == SWITCHING)):
         code = NOT_CONVERGED if misses(t, length, xe, i, value, w) else 0
-    # A step that is long beside the solution's own times, though within the tolerances, has such roots, too:
-    # Newton's steps lead from there back to the surface that was left, or the root is no later than that.
-    if code == 0 and sound and cause == ROOT and RESET_FROM[i] == 0:
-        same = ROLE[i] == KINK and not NON_LIPSCHITZ and abs(length) <= 16.0 * EPS * abs(t)
-        if same or abs(length) < RETURNED * abs(theta * step):
-            left = abs(w.start[2 * i] + m[i] * WIDTH[i]) <= 8.0 * EPS * guard_scale(i, t, x, w)
-            code = NOT_CONVERGED if left else 0
     if code == 0 and sound:
         if cause == ROOT and WIDTH[i] == 0.0:
             code = project_on(t + length, xe, p, m, i, w, ctx)
