@@ -52,3 +52,16 @@ def test_what_has_decayed_under_switching_goes_on(seed: int) -> None:
     run = solve(System(rates), r.normal(size=2), (0, 120), zeno="continue")
     assert run.status in (Status.SUCCESS, Status.NON_UNIQUE), run.message
     assert np.max(np.abs(run.x_end)) < 1e-4
+
+
+@pytest.mark.parametrize("rate", [0.3, 0.5, 2.0])
+def test_a_slide_that_decays_to_an_equilibrium_stays(rate: float) -> None:
+    """x = exp(-rate t) on y = 0, which attracts for x > 0 alone: rounding led beyond 0, where it repels."""
+    x, y, _ = NAMES
+    run = solve(System({x: -rate * x, y: -y - sign(y) * x}), (1, 0.2), (0, 200))
+    assert run.success, run.message
+    assert run.end_mode == (0,)
+    times = np.linspace(2, 200, 50)
+    assert run.sol(times)[0] == pytest.approx(np.exp(-rate * times), abs=1e-8)
+    grows = solve(System({x: 0.1 + 0 * x, y: y - sign(y) * x}), (-1, 0), (0, 20))
+    assert grows.status is Status.NON_UNIQUE

@@ -78,7 +78,9 @@ def come_to_rest(run: Run, slid: Sequence[int], within: float = 0.0) -> list[int
     def stays(field: Array) -> bool:
         return bool(np.all(left * np.abs(field) <= slack))
 
-    still = still and not leading_off(point_of(run), tuple(map(int, mode)), near, stays) and rests(run, near)
+    still = still and not leading_off(point_of(run), tuple(map(int, mode)), near, stays)
+    # A slide passes no point at which all fields vanish: beyond it the steps are rounding.
+    still = still and (all(map(stays, _vertex_fields(run, switching))) or rests(run, near))
     run.mode[:] = mode
     if not still:
         run.x[:] = start
@@ -90,15 +92,21 @@ def _still(run: Run, switching: Sequence[int], slack: Array) -> bool:
 
     And whether they hold the same all the while: what depends on time may end the rest between two samples.
     """
-    left, fields = abs(float(run.clock.t_end) - run.t), []
-    corner = np.where(run.mode == 0.0, 1.0, run.mode)
+    left = abs(float(run.clock.t_end) - run.t)
+    fields = [left * field for field in _vertex_fields(run, switching)]
+    for t in np.linspace(run.t, float(run.clock.t_end), SAMPLES):
+        if np.any(left * np.array(_vertex_fields(run, switching, float(t))) != fields):
+            return False
+    return bool(np.all(np.min(fields, axis=0) <= slack) and np.all(np.max(fields, axis=0) >= -slack))
+
+
+def _vertex_fields(run: Run, switching: Sequence[int], t: float | None = None) -> list[Array]:
+    """The field for all signs of these surfaces where the run stands, now or at another time."""
+    corner, fields = np.where(run.mode == 0.0, 1.0, run.mode), []
     for signs in itertools.product((-1.0, 1.0), repeat=len(switching)):
         corner[list(switching)] = signs
-        fields.append(left * run.machine.rhs(run.t, run.x, corner, run.mode))
-        for t in np.linspace(run.t, float(run.clock.t_end), SAMPLES):
-            if np.any(left * run.machine.rhs(float(t), run.x, corner, run.mode) != fields[-1]):
-                return False
-    return bool(np.all(np.min(fields, axis=0) <= slack) and np.all(np.max(fields, axis=0) >= -slack))
+        fields.append(np.array(run.machine.rhs(run.t if t is None else t, run.x, corner, run.mode)))
+    return fields
 
 
 def on_equilibrium(run: Run, triggered: Sequence[int]) -> bool:
