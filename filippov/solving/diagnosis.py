@@ -84,8 +84,8 @@ def machine_field(run: Run, signs: Array) -> Array:
     return run.machine.rhs(run.t, run.x, signs, run.mode)
 
 
-def suspect(run: Run) -> str:
-    """A sentence on what is odd about the field and the guards at the present point and right beside it."""
+def suspect(run: Run, known: str = "") -> str:
+    """What is odd about field and guards at the present point and right beside it, after what is known."""
     machine, system = run.machine, run.machine.system
     mode = run.mode.copy()
     signs = np.where(mode == 0.0, run.lam, mode)
@@ -93,7 +93,7 @@ def suspect(run: Run) -> str:
         here = machine.rhs(run.t, run.x, np.where(mode == 0.0, 1.0, signs), mode)
         text = _not_finite(here, system.states, run.signs)
         if text:
-            return text
+            return f"{known} {text}".lstrip()
         # As far ahead as differences of a plain h reach.
         for place in (run.x, run.x + run.direction * 5e-3 * (np.abs(run.x) + 1e-9) * np.sign(here)):
             values = machine.guards(run.t, np.ascontiguousarray(place), mode)
@@ -102,8 +102,8 @@ def suspect(run: Run) -> str:
                     return f"Surface {machine.surfaces[i].name!r} has h = {value} next to this point."
         # A surface in t is near where what is left to it is next to nothing for the run.
         nearest = _nearest(run, max(abs(run.clock.t_start), abs(run.clock.t_end)))
-        jump = _jump(run, here, signs, mode)
-    return " ".join(part for part in (nearest, jump) if part)
+        jump = "" if known else _jump(run, here, signs, mode)
+    return " ".join(filter(None, (known, nearest, jump)))
 
 
 def no_mode(run: Run, where: str) -> tuple[Status, str]:

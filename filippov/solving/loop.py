@@ -52,9 +52,7 @@ from filippov.solving.state.watched import Watch
 
 # Steps between two looks at the clock: so many at first, then what takes about _LOOK seconds.
 _CHUNK, _SLOW_CHUNK, _LONGEST_CHUNK = 2_000, 10, 1_000_000
-_LOOK = 0.05
-# Of the step, at every further event that does not leave the state.
-_SHORTER = 0.1
+_LOOK, _SHORTER = 0.05, 0.1  # the second of the step, at every further event that does not leave the state
 
 
 class BranchStart(NamedTuple):
@@ -220,7 +218,7 @@ class _Loop(Settling):
             return self._classify(drawn, drawn, start=False) or self._budgets()
         failures = {codes.NOT_FINITE: Status.NOT_FINITE, codes.MIN_STEP: Status.MIN_STEP}
         status = failures.get(code, Status.NO_SLIDING)
-        return self._end(status, f"state {state_text(run)}. {edge(run) or suspect(run)}".rstrip())
+        return self._end(status, f"state {state_text(run)}. {suspect(run, edge(run))}".rstrip())
 
     def _too_many(self) -> tuple[Status, str]:
         """The budget of events is used up: by an accumulation that no other law recognises, or as it is."""

@@ -263,7 +263,9 @@ def row_root(
             # A guard that contains a root is steepest where that vanishes, and nowhere else on the step.
             dip = min(dip, STEEP * max(-low, high))
     still = 16.0 * allowed + dip
-    if ROLE[i] == OBSERVER and w.grazed[i] != 0.0 and stands_still(low, high, still, 1e-2, step, i, w):
+    # Below 0 at the end it has crossed, unless it is a first integral.
+    again = ROLE[i] == OBSERVER and w.grazed[i] != 0.0 and low >= -still
+    if again and (c[DEGREE] >= -dip or stands_still(low, high, still, 1e-2, step, i, w)):
         return NO_ROOT, 2.0, degree
     if lo == 0.0 and m[i] != 0.0 and order[i] > 0:
         degree = deflate(c, order[i])
