@@ -52,7 +52,8 @@ from filippov.solving.state.watched import Watch
 
 # Steps between two looks at the clock: so many at first, then what takes about _LOOK seconds.
 _CHUNK, _SLOW_CHUNK, _LONGEST_CHUNK = 2_000, 10, 1_000_000
-_LOOK, _SHORTER = 0.05, 0.1  # the second of the step, at every further event that does not leave the state
+_LOOK = 0.05
+_SHORTER = 0.1  # of the step, at every further event that does not leave the state
 
 
 class BranchStart(NamedTuple):
@@ -330,9 +331,8 @@ class _Loop(Settling):
         moved = abs(run.t - self.general_t) > 64 * np.finfo(float).eps * abs(run.t)
         self.stalled = 0 if moved else self.stalled + 1
         self.general_t = run.t
-        if self.stalled:
-            # A step long beside the solution's own times, though within the tolerances, leads back here.
-            run.clock.step *= _SHORTER**self.stalled
+        # A step long beside the solution's own times, though within the tolerances, leads back here.
+        run.clock.step *= _SHORTER**self.stalled
         ended, held = self._back_over(roots), self.higher.active
         active = pending(run, roots)
         if active and self.clocks.due and abs(run.t - run.clock.t_end) <= run.clock.same_instant:

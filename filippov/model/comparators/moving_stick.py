@@ -81,8 +81,7 @@ def with_moving_stick(
 
 
 def _check_independent(bands: Sequence[StickBand]) -> None:
-    """Raise ModelError where one h is a sum of the others: h_i = e_i cannot hold for all, and one tears off.
-    """
+    """Raise ModelError where one h is a sum of others: h_i = e_i cannot hold for all, and one tears off."""
     terms = [sympy.expand(band.h).as_coefficients_dict() for band in bands]
     every = sorted({q for row in terms for q in row}, key=sympy.default_sort_key)
     rows = np.array([[float(row.get(q, 0)) for q in every] for row in terms])
