@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import sympy
 
 from filippov import ModelError, Solution, System, UsageError, solve
 from filippov.analysis.programs.agreement import FEWEST, Numbers, disagreement
+from filippov.analysis.programs.bands import band_of, without_bands
 from filippov.analysis.programs.corners import continuous, jumped
 from filippov.analysis.programs.findings import (
     Finding,
@@ -25,7 +27,7 @@ from filippov.analysis.programs.naive_run import NaiveRun, run_naively
 from filippov.analysis.programs.notes import Memory, ReadingError
 from filippov.analysis.programs.reader import Reading, read_program
 from filippov.analysis.programs.source import source_of
-from filippov.analysis.programs.translation import Translation, going_on, stiffly, translate
+from filippov.analysis.programs.translation import Translation, formula, going_on, stiffly, translate
 from filippov.base.arrays import Array
 from filippov.base.escape import printable
 from filippov.base.given import Count, NonNegative, Positive
@@ -33,6 +35,7 @@ from filippov.base.keywords import keywords
 from filippov.base.names import Answering
 from filippov.base.shown import Shown, plain_data
 from filippov.base.status import Status, mode_text
+from filippov.model.parameter_symbol import ParameterSymbol
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -194,6 +197,12 @@ def diagnose(
             translation = None if sentence else translation
     corners = continuous(translation, run.t, run.y) if translation else set()
     found = switches(translation, None, corners) if translation else ()
+    if reading is not None and translation is not None:
+        plain = without_bands(reading)
+        if plain.dropped:
+            translation = translate(plain, start, span)
+            corners = continuous(translation, run.t, run.y)
+            found = switches(translation, None, corners)
     solution = None
     if translation is not None and (found or translation.clocks):
         solution = solve(translation.system, translation.x0, span, zeno="continue", max_steps=STEPS)
@@ -268,13 +277,24 @@ def _in_source(
             "the steps of an integrator. What holds on the surface is set by the inclusion; where more "
             "is held at rest than in motion, say so by Surface(..., radius=Fs/Fc)", lines=(site.line,),
         )  # fmt: skip
-    for site in translation.sites if translation else ():
-        width = _band(site.h)
+    sites = translation.sites if translation else ()
+    dropped = {h: (u, width) for h, u, width in translation.dropped} if translation else {}
+    for u, width in dict.fromkeys(dropped.values()):
+        edges = {site.text: site.line for site in sites if dropped.get(site.h) == (u, width)}
+        where = ", ".join(f"line {line} `{text}`" for text, line in edges.items())
+        yield Finding(
+            "dead band", f"{where} is a dead band written by hand, {width:.3g} wide to each side, for "
+            f"{formula(u).replace('p.', '')} = 0: inside it the program creeps, drifts or is called on both "
+            "sides of an edge in turn. The System has the sign alone, and holds it",
+            lines=tuple(sorted(set(edges.values()))),
+        )  # fmt: skip
+    for site in sites:
+        band = None if site.h in dropped else band_of(site.h, _default)
         # A play or a backlash is a dead band of the plant itself: its field is continuous at the ends.
         plays = any(switch.kind == "kink" and site in switch.sites for switch in found)
-        if width is not None and not plays:
+        if band is not None and not plays:
             yield Finding(
-                "dead band", f"line {site.line} `{site.text}` is a dead band written by hand, {width:.3g} "
+                "dead band", f"line {site.line} `{site.text}` is a dead band written by hand, {band[1]:.3g} "
                 "wide to each side: inside it the solution creeps or drifts. Write sign(...) alone, and the "
                 "inclusion holds it", lines=(site.line,),
             )  # fmt: skip
@@ -300,44 +320,24 @@ def _in_source(
         yield Finding("remark", remark)
 
 
-def _band(h: Any) -> float | None:
-    """The half-width of |u| < width, small against 1; None for another condition."""
-    import sympy
-
-    from filippov.model.parameter_symbol import ParameterSymbol
-
-    if h is None or not isinstance(h, sympy.Add) or len(h.args) != 2 or not h.has(sympy.Abs):
-        return None
-    sizes = [part for part in h.args if part.has(sympy.Abs)]
-    if len(sizes) != 1:
-        return None
-    core = sizes[0] if isinstance(sizes[0], sympy.Abs) else -sizes[0]
-    if not isinstance(core, sympy.Abs):
-        return None
-    rest = h - sizes[0]
-    number = rest.xreplace(
-        {q: sympy.Float(q.parameter.default) for q in rest.free_symbols if isinstance(q, ParameterSymbol)}
-    )
-    return abs(float(number)) if number.is_number and 0 < abs(float(number)) <= 0.1 else None
+def _default(value: Any) -> float | None:
+    """The number of an expression with its parameters at their defaults; None for another one."""
+    given = {
+        q: sympy.Float(q.parameter.default) for q in value.free_symbols if isinstance(q, ParameterSymbol)
+    }
+    number = value.xreplace(given)
+    return float(number) if number.is_number else None
 
 
 def _norm_band(h: Any) -> float | None:
     """The half-width of u^2 + v^2 < width^2, small against 1; None for another condition."""
-    import sympy
-
-    from filippov.model.parameter_symbol import ParameterSymbol
-
     if not isinstance(h, sympy.Add):
         return None
     if all(q.could_extract_minus_sign() for q in h.args if q.free_symbols - h.atoms(ParameterSymbol)):
         h = -h
     squares = [q for q in h.args if q.is_Pow and q.exp == 2 and not isinstance(q.base, ParameterSymbol)]
-    rest = h - sympy.Add(*squares)
-    number = rest.xreplace(
-        {q: sympy.Float(q.parameter.default) for q in rest.free_symbols if isinstance(q, ParameterSymbol)}
-    )
-    found = len(squares) > 1 and number.is_number and -0.01 <= float(number) < 0
-    return float((-float(number)) ** 0.5) if found else None
+    number = _default(h - sympy.Add(*squares))
+    return (-number) ** 0.5 if len(squares) > 1 and number is not None and -0.01 <= number < 0 else None
 
 
 def _at_start(

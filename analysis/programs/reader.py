@@ -48,6 +48,8 @@ class Reading:
     sites        where it switches; memories, clocks: what it needs states of their own for
     remarks      sentences
     unread       memories that no rate depends on, such as a number of calls
+    dropped      dead bands that the field has no more: condition, what is small there, half-width
+    held         (u, r): at u = 0 the sign of u may be anything in [-r, r]
     """
 
     source: Source
@@ -61,6 +63,8 @@ class Reading:
     clocks: tuple[Clock, ...]
     remarks: tuple[str, ...]
     unread: tuple[Memory, ...] = ()
+    dropped: tuple[tuple[Any, Any, float], ...] = ()
+    held: tuple[tuple[Any, Any], ...] = ()
 
 
 class Reader(Matching):

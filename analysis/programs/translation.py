@@ -46,6 +46,7 @@ class Translation:
     clocks      those of the program, in the symbols of the system
     remembered  how many states memories became
     code        the text that makes the system
+    dropped     dead bands that it has no more: condition, what is small there, half-width
     """
 
     system: System
@@ -54,6 +55,7 @@ class Translation:
     clocks: tuple[Clock, ...]
     remembered: int
     code: str
+    dropped: tuple[tuple[Any, Any, float], ...] = ()
 
     def extended(self, t: float, y: Any) -> Array:
         """A state of the program with those of its clocks after it (not those of memories)."""
@@ -98,7 +100,8 @@ def translate(reading_: Reading, x0: Any, t_span: tuple[float, float]) -> Transl
         equations[clock.symbol] = clock.rate if clock.kind == "mod" else sympy.Integer(0)
         start.append(reading(clock, t_span[0], numbers))
         events.append(_time_event(clock, t_span[0], numbers))
-    declared: list[Surface] = []
+    held = [(u.xreplace(symbols), r.xreplace(symbols)) for u, r in found.held]
+    declared = [Surface(formula(u).replace("p.", ""), u, radius=r) for u, r in held]
     put = {symbols[x]: sympy.Float(v, 17) for x, v in zip(found.states, start, strict=False)}
     back = {d: put.get(q, values.get(q, q)) for d, q in symbols.items()}
     back[found.time] = sympy.Float(t_span[0], 17)
@@ -110,7 +113,10 @@ def translate(reading_: Reading, x0: Any, t_span: tuple[float, float]) -> Transl
     system = System(equations, surfaces=declared, time_events=events, parameters=used if names else None)
     sites = tuple(replace(s, h=None if s.h is None else s.h.xreplace(symbols)) for s in found.sites)
     code = _code(system, equations, declared, events, tuple(start), t_span)
-    return Translation(system, tuple(float(v) for v in start), sites, clocks, len(found.memories), code)
+    dropped = tuple((h.xreplace(symbols), u.xreplace(symbols), width) for h, u, width in found.dropped)
+    return Translation(
+        system, tuple(float(v) for v in start), sites, clocks, len(found.memories), code, dropped
+    )
 
 
 def _symbols(found: Reading) -> dict[Any, Any]:
@@ -125,8 +131,9 @@ def _symbols(found: Reading) -> dict[Any, Any]:
         used |= set().union(*(expression(e).free_symbols for e in (clock.rate, clock.offset, clock.modulus)))
     for memory in found.memories:
         used |= expression(memory.after).free_symbols
+    dropped = {h for h, _, _ in found.dropped}
     for site in found.sites:
-        used |= set() if site.h is None else site.h.free_symbols
+        used |= set() if site.h is None or site.h in dropped else site.h.free_symbols
     # One parameter for what has one name and one value, wherever the program reads it.
     same: dict[tuple[str, float], list[Any]] = {}
     for d, name in found.parameters.names.items():
@@ -250,12 +257,7 @@ def _code(
         rows = ",\n    ".join(f"{x.name}: {formula(f)}" for x, f in equations.items())
         parts = [f"{{\n    {rows},\n}}"]
     if surfaces:
-        made = ", ".join(
-            f"Surface({s.name!r}, {formula(s.h)}, "
-            f"reset={{{', '.join(f'{x}: {formula(e)}' for x, e in _pairs(s.reset))}}}, "
-            f"side={s.side!r})" for s in surfaces
-        )  # fmt: skip
-        parts.append(f"surfaces=[{made}]")
+        parts.append(f"surfaces=[{', '.join(map(_surface, surfaces))}]")
     if events:
         made = ", ".join(
             f"TimeEvent({e.name!r}, period={formula(e.period)}, start={formula(e.start)}, "
@@ -283,6 +285,15 @@ def _code(
         *([f"from sympy import {', '.join(more)}"] if more else []),
     ]
     return "\n".join([*head, "", body]) + "\n"
+
+
+def _surface(surface: Surface) -> str:
+    """The text that makes a surface."""
+    start = f"Surface({surface.name!r}, {formula(surface.h)}, "
+    if surface.reset is None:
+        return f"{start}radius={formula(surface.radius[1])})"
+    reset = ", ".join(f"{x}: {formula(e)}" for x, e in _pairs(surface.reset))
+    return f"{start}reset={{{reset}}}, side={surface.side!r})"
 
 
 def going_on(code: str) -> str:
