@@ -160,6 +160,21 @@ def test_15_5_a_larger_limit_at_rest_is_the_radius_of_the_surface(
     assert made["solution"].x_end == pytest.approx(found.solution.x_end, abs=1e-12)  # type: ignore[attr-defined, union-attr]
 
 
+@pytest.mark.parametrize("test", ["v == 0", "v == 0.0 and abs(load) <= FS", "0 == v"])
+def test_15_5_what_an_equality_holds_is_the_radius_too(test: str, tmp_path: Path) -> None:
+    text = f"""
+    if {test}:
+        F = load if abs(load) <= FS else FS*np.sign(load)
+    else:
+        F = FC*np.sign(v)
+    return [v, load - F]
+"""
+    found, error = written(tmp_path, text, np.random.default_rng(1), 1.5)
+    assert error < 1e-6
+    assert "radius=p.FS/p.FC" in found.code
+    assert "the System says so by a radius" in found.of("equality")[0].sentence
+
+
 def test_15_5_a_dead_zone_of_the_plant_stays() -> None:
     """So do the rest of a relay within 0.01 of its set point, a play, a slope by hand, a step controller."""
 

@@ -8,15 +8,16 @@ wider set at u = 0 where the limit at rest is larger.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import sympy
 from sympy import Abs, Expr
 
-from filippov.analysis.programs.conditions import CORNERS, STEPS, cases_of
-from filippov.analysis.programs.reader import Reading
+from filippov.analysis.programs.conditions import CORNERS, NEAREST, STEPS, cases_of
+from filippov.analysis.programs.reader import Reading, read_program
+from filippov.base.errors import ModelError
 from filippov.model.symbolic import Select
 
 # The widest band that may be a dead band, the widest for a velocity that something holds inside it, the
@@ -66,6 +67,21 @@ def without_bands(found: Reading) -> Reading:
     return found
 
 
+def without_equalities(found: Reading, function: Callable[..., Any], args: Sequence[Any]) -> Reading:
+    """The same with what the program holds where it compares a float for equality, as v == 0, if that is told.
+
+    An equality is a dead band of no width; what is inside is read here alone.
+    """
+    if found.memories or not any(site.kind == "equality" for site in found.sites):
+        return found
+    try:
+        near = without_bands(read_program(function, len(found.states), args, equal_nearby=True))
+    except ModelError:
+        return found
+    left = (q for rate in near.field for q in rate.atoms(sympy.Float))
+    return near if near.held and all(abs(float(q)) != NEAREST for q in left) else found
+
+
 def _bands(found: Reading) -> Iterator[tuple[Expr, float]]:
     """(u, width) of the conditions that together, or alone as |u| < width, tell |u| < width."""
     fixed = found.parameters.fixed
@@ -74,6 +90,7 @@ def _bands(found: Reading) -> Iterator[tuple[Expr, float]]:
         band = band_of(h, fixed)
         if band is not None and band[1] <= WIDE:
             yield band
+    yield from ((site.h, NEAREST) for site in found.sites if site.kind == "equality" and site.h is not None)
     for first, second in itertools.combinations([h for h in given if not h.has(*STEPS, *CORNERS)], 2):
         for side in (1, -1):
             gap = fixed(sympy.expand(first + side * second))

@@ -37,6 +37,8 @@ _PLAIN: dict[str, Callable[[Any, Any], bool]] = {
 STEPS: tuple[Any, ...] = (Select, sympy.sign, sympy.Heaviside)
 CORNERS: tuple[Any, ...] = (sympy.Abs, sympy.Max, sympy.Min)
 MOST_STEPS = 12
+# The half-width of the band for which an equality is taken, where that is asked for.
+NEAREST = 1e-300
 # Of these, in one comparison, that are looked through for a part of the states where it is 0.
 MOST_CORNERS = 6
 
@@ -70,6 +72,7 @@ class Conditions(Switching):
     parameters: Parameters
     sites: list[Site]
     source: Source
+    equal_nearby: bool
 
     # -- notes ---------------------------------------------------------------------------------------------
 
@@ -220,7 +223,8 @@ class Conditions(Switching):
         if not found:
             if noted:
                 self.site(node, "equality", difference)
-            return False
+            near = noted and self.equal_nearby
+            return plain(sympy.Lt(sympy.Abs(difference), NEAREST, evaluate=False)) if near else False
         if depth >= MOST_STEPS:
             raise self.fail(node, f"an equality of what has more than {MOST_STEPS} cases")
         h, yes, no = cases_of(found[0])

@@ -12,7 +12,7 @@ import sympy
 
 from filippov import ModelError, Solution, System, UsageError, solve
 from filippov.analysis.programs.agreement import FEWEST, Numbers, disagreement
-from filippov.analysis.programs.bands import band_of, without_bands
+from filippov.analysis.programs.bands import band_of, without_bands, without_equalities
 from filippov.analysis.programs.corners import continuous, jumped
 from filippov.analysis.programs.findings import (
     Finding,
@@ -198,8 +198,8 @@ def diagnose(
     corners = continuous(translation, run.t, run.y) if translation else set()
     found = switches(translation, None, corners) if translation else ()
     if reading is not None and translation is not None:
-        plain = without_bands(reading)
-        if plain.dropped:
+        plain = without_bands(without_equalities(reading, f, args))
+        if plain.dropped or plain.held:
             translation = translate(plain, start, span)
             corners = continuous(translation, run.t, run.y)
             found = switches(translation, None, corners)
@@ -271,11 +271,13 @@ def _in_source(
 ) -> Iterator[Finding]:
     """What the source says by itself: equalities, dead bands, memories, clocks."""
     equal = {(site.line, site.text): site for site in reading.sites if site.kind == "equality"}
+    wide = translation is not None and any(s.radius[1] != 1.0 for s in translation.system.surfaces)
+    more = "the System says so by a radius" if wide else "say so by Surface(..., radius=Fs/Fc)"
     for site in equal.values():
         yield Finding(
             "equality", f"line {site.line} `{site.text}` compares floats for equality: it never holds at "
             "the steps of an integrator. What holds on the surface is set by the inclusion; where more "
-            "is held at rest than in motion, say so by Surface(..., radius=Fs/Fc)", lines=(site.line,),
+            f"is held at rest than in motion, {more}", lines=(site.line,),
         )  # fmt: skip
     sites = translation.sites if translation else ()
     dropped = {h: (u, width) for h, u, width in translation.dropped} if translation else {}

@@ -71,8 +71,9 @@ class Reader(Matching):
     """One reading of a program with n states and further arguments."""
 
     def __init__(
-        self, source: Source, n: int, args: Sequence[Any], memories: dict[Any, Memory], logs: set[int]
-    ) -> None:
+        self, source: Source, n: int, args: Sequence[Any], memories: dict[Any, Memory], logs: set[int],
+        equal_nearby: bool = False,
+    ) -> None:  # fmt: skip
         self.source, self.memories = source, memories
         self.parameters, self.flags = Parameters(), Flags()
         self.flags.symbols = {m.symbol for m in memories.values() if m.flag}
@@ -87,7 +88,7 @@ class Reader(Matching):
         self.given = tuple(args)
         self._statements, self.depth, self.entered = 0, 0, 0
         self.sources: dict[Any, Source] = {}
-        self.logs = logs
+        self.logs, self.equal_nearby = logs, equal_nearby
         self.assumed: dict[Any, bool] = {}  # conditions of the path that is gone
 
     def read(self) -> Reading:
@@ -353,14 +354,19 @@ def _leaves(node: ast.AST) -> bool:
     return False
 
 
-def read_program(function: Callable[..., Any], n: int, args: Sequence[Any] = ()) -> Reading:
-    """The equations of a program f(t, y, *args) with n states. Raises ModelError, ReadingError."""
+def read_program(
+    function: Callable[..., Any], n: int, args: Sequence[Any] = (), equal_nearby: bool = False
+) -> Reading:
+    """The equations of a program f(t, y, *args) with n states. Raises ModelError, ReadingError.
+
+    equal_nearby    whether a float equals another in a band of no width to speak of; else it never does
+    """
     source = source_of(function)
     memories: dict[Any, Memory] = {}
     logs: set[int] = set()
     for _ in range(20):
         try:
-            return Reader(source, n, args, memories, logs).read()
+            return Reader(source, n, args, memories, logs, equal_nearby).read()
         except Again:
             continue
         except ReadingError:
