@@ -68,7 +68,7 @@ def without_bands(found: Reading) -> Reading:
 
 
 def without_equalities(found: Reading, function: Callable[..., Any], args: Sequence[Any]) -> Reading:
-    """The same with what the program holds where it compares a float for equality, as v == 0, if that is told.
+    """The same with what the program holds where it compares a float for equality, as v == 0, if it says so.
 
     An equality is a dead band of no width; what is inside is read here alone.
     """
