@@ -112,9 +112,11 @@ def moving_outwards(
 
     def sign_along(i: int, side: int) -> float | None:
         """The sign of the distance to an end along the trial step, by its leading term."""
-        scale = float(np.max(np.abs(rows[:, side, i] if i in free else rows[:, :, i])))
-        terms = Terms(scale, 0.0, grain=point.grain)
-        term = leading_term(point, mode, lam, partial(_row, side, i), terms)
+        def size(rows: Array) -> float:
+            return float(np.max(np.abs(rows[:, side, i] if i in free else rows[:, :, i])))
+
+        terms = Terms(0.0, 0.0, grain=point.grain)
+        term = leading_term(point, mode, lam, partial(_row, side, i), terms, size)
         return None if code != 0 or term is None else term[1]
 
     for i in sliding:
@@ -180,13 +182,26 @@ def clear_rates(
             rate = float(np.sum(terms)) * mode[i] * point.direction
         # A guard with a root in it has no rate where the root vanishes.
         unbounded = not np.isfinite(rate)
-        if unbounded or i in tangent or abs(rate) <= CLEAR * scale or _balanced(point, i, mode, rate, scale):
+        near = unbounded or i in tangent or abs(rate) <= CLEAR * scale or _drowned(point, i, g, gt, rate)
+        if near or _balanced(point, i, mode, rate, scale):
             unclear.append(i)
         elif rate < 0:
             return None
         else:
             margin = min(margin, rate / scale)
     return margin, unclear
+
+
+def _size(point: Point, i: int, g: Array, gt: Array) -> float:
+    """Of the terms of a guard, by its gradient."""
+    with np.errstate(invalid="ignore"):
+        sizes = np.abs(np.append(g[i] * point.x, gt[i] * point.t))
+    return float(np.sum(sizes[np.isfinite(sizes)]))
+
+
+def _drowned(point: Point, i: int, g: Array, gt: Array, rate: float) -> bool:
+    """Whether a rate moves its guard by less than rounding of it in all the time there is."""
+    return abs(rate) * point.longest <= ROUNDING * _size(point, i, g, gt)
 
 
 def _balanced(point: Point, i: int, mode: Array, rate: float, scale: float) -> bool:
@@ -212,9 +227,7 @@ def leaves(
     orders, faint = dict.fromkeys(free, 1), []
     g, gt = point.gradients(mode)
     for i in unclear:
-        with np.errstate(invalid="ignore"):
-            sizes = np.abs(np.append(g[i] * point.x, gt[i] * point.t))
-        size = float(np.sum(sizes[np.isfinite(sizes)]))
+        size = _size(point, i, g, gt)
         raw = point.machine.rate(i, g, velocity) + float(gt[i])
         rate = raw if np.isfinite(raw) else None
         speed, moved = point.terms(i, mode), point.reach(i, mode)

@@ -9,7 +9,7 @@ Source: Filippov 1988, section 10 (the first non-vanishing derivative decides).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -87,11 +87,13 @@ def first_derivative(values: Array, terms: Terms, step: float) -> tuple[int, flo
 
 
 def leading_term(
-    point: Point, mode: Array, lam: Array, pick: Callable[[Array], Array], terms: Terms
-) -> tuple[int, float] | None:
+    point: Point, mode: Array, lam: Array, pick: Callable[[Array], Array], terms: Terms,
+    size: Callable[[Array], float] | None = None,
+) -> tuple[int, float] | None:  # fmt: skip
     """Order and sign of the first power of time in a guard along a mode; None where it cannot be followed.
 
-    pick: the guard out of the rows of `Machine.probe`. The trial step is shortened until two lengths agree on
+    pick: the guard out of the rows of `Machine.probe`; size: that of its terms on the step that these are of,
+    where it is not that at the point. The trial step is shortened until two lengths agree on
     the term, so that what a polynomial on a long step makes up is not taken for a derivative, and lengthened
     where it is too short for the term to stand out of rounding. Where none agree, as of powers that are not
     whole, the side of the guard on the shortest step decides, and how it grows.
@@ -108,7 +110,8 @@ def leading_term(
         if not np.all(np.abs(values[1:]) < EXPLODED):
             return -1, 0.0
         ends.append(_one_sided(values - start, terms, step))
-        return first_derivative(values - start, terms, step)
+        own = terms if size is None else replace(terms, size=size(rows))
+        return first_derivative(values - start, own, step)
 
     found: list[tuple[int, float]] = []
     term: tuple[int, float] | None = (0, 0.0)
