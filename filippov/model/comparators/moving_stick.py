@@ -3,10 +3,12 @@
     h_i in place of which the sign takes h_i - e_i;   e_i' = -alpha_i e_i
     e_i = +-eta_i where |h_i| = eta_i is passed inwards, 0 where it is passed outwards
 
-so that dh_i/dt = -alpha_i h_i while friction i sticks, from the edge of its band on. Who sticks, and with
-which force, the inclusion itself decides: three surfaces a friction for any number of them, where the levels
-of `filippov.model.comparators.coupled_bands` grow like 3^n. Friction that slips within its band sticks again
-at h_i = e_i, not where its force would hold it.
+so that dh_i/dt = -alpha_i h_i while friction i sticks, from the edge of its band on. Where h_i is a sum of
+others, sum_j c_ij(x) h_j, it sticks at the same sum of their e, so that all stick at once; it has neither an
+e nor edges, and sticks at 0 while none of these is within its band. Who sticks, and with which force, the
+inclusion itself decides: three surfaces a friction for any number of them, where the levels of
+`filippov.model.comparators.coupled_bands` grow like 3^n. Friction that slips within its band sticks again at
+h_i = e_i, not where its force would hold it.
 
 Switch     places move with the velocities
 Karnopp    velocities count in every equation as those at h_i - e_i, brought there along what the signs do
@@ -20,6 +22,7 @@ from dataclasses import replace
 
 import numpy as np
 import sympy
+from scipy.linalg import qr
 from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
@@ -37,17 +40,22 @@ def with_moving_stick(
 ) -> tuple[SymbolicForm, tuple[Surface, ...]]:
     """The form with one state e more for each band, last, and the surfaces with the edges of bands, last.
 
-    Raises ModelError where what Karnopp takes for the velocity at h = e depends on the velocities.
+    A band whose h is a sum of others has neither. Raises ModelError where what Karnopp takes for the velocity
+    at h = e depends on the velocities.
     """
-    _check_independent(bands)
-    e = _memories(form, bands)
+    shares = _shares(form, bands)
+    own = [band for k, band in enumerate(bands) if k in shares[k]]
+    e = _memories(form, own)
+    at = dict(zip((k for k in range(len(bands)) if k in shares[k]), e, strict=True))
+    sticks = [sympy.Add(*(c * at[j] for j, c in row.items())) for row in shares]
     n, m = len(form.x), len(form.h)
     h, sets, out = list(form.h), list(form.radius), list(surfaces)
     widths = list(form.widths) or [None] * m
     edges: list[tuple[Symbol, ...]] = []
-    for band, q in zip(bands, e, strict=True):
+    for band, q in zip(bands, sticks, strict=True):
         h[band.i], widths[band.i] = band.h - q, None
         out[band.i] = replace(band.surface, h=band.surface.h - q, width=0.0)
+    for band, q in zip(own, e, strict=True):
         # One rule for both edges: an impact may pass them at once.
         before = [Symbol(f"_s{len(h) + k}", real=True) for k in range(2)]
         after = band.width * sympy.Add(*before) / 2
@@ -57,9 +65,11 @@ def with_moving_stick(
             out.append(Surface(f"{band.surface.name}:{name}", band.surface.h - side * band.width,
                                reset={q: after}, side="both"))  # fmt: skip
     more = len(edges)
-    seen = _seen(form, bands, e)
+    still = [k for k, band in enumerate(bands) if isinstance(band.own, Karnopp)]
+    still = [k for k in still if k in shares[k] or not shares[k].keys() <= set(still)]
+    seen = _seen(form, [bands[k] for k in still], [sticks[k] for k in still], bands)
     field = [f.xreplace(seen) for f in form.field]
-    field[n:n] = [-band.alpha * q for band, q in zip(bands, e, strict=True)]
+    field[n:n] = [-band.alpha * q for band, q in zip(own, e, strict=True)]
 
     def longer(row: Row) -> Row:
         return None if row is None else (*row, *e)
@@ -80,18 +90,47 @@ def with_moving_stick(
     return made, tuple(out)
 
 
-def _check_independent(bands: Sequence[StickBand]) -> None:
-    """Raise ModelError where one h is a sum of others: h_i = e_i cannot hold for all, and one tears off."""
-    terms = [sympy.expand(band.h).as_coefficients_dict() for band in bands]
-    every = sorted({q for row in terms for q in row}, key=sympy.default_sort_key)
-    rows = np.array([[float(row.get(q, 0)) for q in every] for row in terms])
-    for k in range(2, len(bands) + 1):
-        if np.linalg.matrix_rank(rows[:k], tol=1e-9) < k:
-            others = ", ".join(repr(band.surface.name) for band in bands[: k - 1])
-            raise ModelError(
-                f"{bands[k - 1].name}: its h is a sum of those of {others}, with which it shares a rate, so "
-                "that their bands cannot be left one by one. Choose Band for it."
-            )
+def _shares(form: SymbolicForm, bands: Sequence[StickBand]) -> list[dict[int, Expr]]:
+    """Of which bands each h is a sum, with which factors, functions of places: of itself, or of ones before.
+
+    All of a sum stick at once, at the same sum of their e: with an e of its own one would tear off.
+    """
+    signs = {band.s for band in bands}
+    moved = [x for x, f in zip(form.x, form.field, strict=True) if f.free_symbols & signs]
+    rows = [_row(band.h, moved) for band in bands]
+    free = sorted({q for row in rows for e in row for q in e.free_symbols}, key=lambda q: str(q.name))
+    rng = np.random.default_rng(0)
+    drawn = []
+    for _ in range(2):
+        at = dict(zip(free, map(sympy.Float, rng.uniform(0.5, 1.5, len(free))), strict=True))
+        drawn.append(np.array([[float(sympy.N(e.xreplace(at))) for e in row] for row in rows]))
+    own: list[int] = []
+    out: list[dict[int, Expr]] = []
+    for k, row in enumerate(rows):
+        if any(np.linalg.matrix_rank(part[[*own, k]], tol=1e-9) > len(own) for part in drawn):
+            own.append(k)
+            out.append({k: sympy.S.One})
+            continue
+        pivots = qr(drawn[0][own], pivoting=True, mode="r")[1][: len(own)].tolist()
+        base = sympy.Matrix([[rows[j][c] for c in pivots] for j in own])
+        found = base.T.LUsolve(sympy.Matrix([row[c] for c in pivots]))
+        out.append({j: c for j, e in zip(own, found, strict=True) if (c := _tidy(e)) != 0})
+    return out
+
+
+def _row(h: Expr, moved: Sequence[Symbol]) -> list[Expr]:
+    """h as what velocities are multiplied by, and the rest."""
+    slopes = [h.diff(x) for x in moved]
+    if any(e.has(*moved) for e in slopes):
+        return [sympy.S.Zero] * len(moved) + [h]
+    return [*slopes, h.xreplace(dict.fromkeys(moved, sympy.S.Zero))]
+
+
+def _tidy(e: Expr) -> Expr:
+    if not e.is_number:
+        return sympy.simplify(e)
+    value = round(float(e), 12)
+    return sympy.Integer(int(value)) if value.is_integer() else sympy.Float(float(e))
 
 
 def _memories(form: SymbolicForm, bands: Sequence[StickBand]) -> tuple[Symbol, ...]:
@@ -105,15 +144,17 @@ def _memories(form: SymbolicForm, bands: Sequence[StickBand]) -> tuple[Symbol, .
     return tuple(states(" ".join(taken[-len(bands) :])))
 
 
-def _seen(form: SymbolicForm, bands: Sequence[StickBand], e: Sequence[Symbol]) -> dict[Symbol, Expr]:
-    """The states as those under Karnopp count them."""
-    signs = {band.s for band in bands}
-    at = {band.a: sympy.S.Zero for band in bands}
+def _seen(
+    form: SymbolicForm, bands: Sequence[StickBand], sticks: Sequence[Expr], every: Sequence[StickBand]
+) -> dict[Symbol, Expr]:
+    """The states as those under Karnopp, which are `bands`, count them."""
+    signs = {band.s for band in every}
+    at = {band.a: sympy.S.Zero for band in every}
     fields = [convex(f, signs).xreplace(at) for f in form.field[: len(form.x)]]
     parts = [
         ([q], [[band.h.diff(x) for x in form.x]], [[f.diff(band.s) for f in fields]])
-        for band, q in zip(bands, e, strict=True) if isinstance(band.own, Karnopp)
-    ]  # fmt: skip
+        for band, q in zip(bands, sticks, strict=True)
+    ]
     if not parts:
         return {}
     h, slopes, effects = ([row for part in parts for row in part[k]] for k in range(3))

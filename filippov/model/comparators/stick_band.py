@@ -141,7 +141,6 @@ class StickBand:
 
     def _velocity(self, held: list[int]) -> dict[Symbol, Expr]:
         """The states at h = 0; ModelError where h is no velocity of a body, or of one against another."""
-        others = [f for k, f in enumerate(self.equations) if k not in held]
         # Through a mass matrix a force acts on the velocities of other bodies as well, as its impulse does.
         moved = [
             x for k, (x, f) in enumerate(zip(self.form.x, self.equations, strict=True))
@@ -156,8 +155,10 @@ class StickBand:
         effect = [convex(f, {self.s}).xreplace(self.at).diff(self.s) for f in self.equations]
         gradient = [self.h.diff(x) for x in self.form.x]
         lost = moved_onto([self.h], [gradient], [effect], self.form.x, self.form.p)
-        # y - x/2 with x' = v and a sign on y alone is a relay of a place, whatever y is.
-        places = [k for k in held if effect[k] == 0 and self.equations[k] in self.form.x]
+        others = [f for k, f in enumerate(self.equations) if k not in held or effect[k] == 0]
+        # y - x/2 with x' = v and a sign on y alone is a relay of a place, whatever y is; v cos(x) is not.
+        still = self.h.xreplace({x: sympy.S.Zero for x, e in zip(self.form.x, effect, strict=True) if e != 0})
+        places = [k for k in held if self.equations[k] in self.form.x and still.has(self.form.x[k])]
         if not lost or places:
             raise ModelError(
                 f"{self.name}: h = {self.surface.h} holds {len(held)} states, expected the velocity of a "
@@ -227,7 +228,7 @@ def moved_onto(
     """
     rows, columns = sympy.Matrix(gradients), sympy.Matrix(effects).T
     moved = [k for k in range(columns.rows) if any(e != 0 for e in columns.row(k))]
-    if rows.free_symbols - set(p) or len(moved) < len(h):
+    if len(moved) < len(h) or rows[:, moved].free_symbols & {x[k] for k in moved}:
         return []
     if len(moved) == len(h):  # as many states as surfaces: h = 0 gives them, in whatever ratio they go there
         part = rows[:, moved]

@@ -201,7 +201,7 @@ def _size(point: Point, i: int, g: Array, gt: Array) -> float:
 
 def _drowned(point: Point, i: int, g: Array, gt: Array, rate: float) -> bool:
     """Whether a rate moves its guard by less than rounding of it in all the time there is."""
-    return abs(rate) * point.longest <= ROUNDING * _size(point, i, g, gt)
+    return point.longest > 0.0 and abs(rate) * point.longest <= ROUNDING * _size(point, i, g, gt)
 
 
 def _balanced(point: Point, i: int, mode: Array, rate: float, scale: float) -> bool:
@@ -243,8 +243,12 @@ def leaves(
             # What is left of the rate of a contact that rests is rounding of speeds long gone.
             level, force = True, point.terms(i, np.where(np.arange(len(mode)) == i, 0.0, mode))
             came_back = False
-        terms = Terms(size, speed, own, level, point.grain, point.fine, force)
+        drowned = rate is not None and not level and _drowned(point, i, g, gt, rate)
+        terms = Terms(size, speed, own, level or drowned, point.grain, point.fine, force)
         term = leading_term(point, mode, lam, partial(_row, 0, i), terms)
+        if drowned and term == (0, 0.0):
+            # Nothing else moves it.
+            term = leading_term(point, mode, lam, partial(_row, 0, i), replace(terms, tangent=False))
         if came_back and (term is None or term[1] <= 0):
             # The rate, however little it is, says where the solution goes first.
             terms = replace(terms, tangent=False)
