@@ -3,12 +3,14 @@
     h_i in place of which the sign takes h_i - e_i;   e_i' = -alpha_i e_i
     e_i = +-eta_i where |h_i| = eta_i is passed inwards, 0 where it is passed outwards
 
-so that dh_i/dt = -alpha_i h_i while friction i sticks, from the edge of its band on. Where h_i is a sum of
-others, sum_j c_ij(x) h_j, it sticks at the same sum of their e, so that all stick at once; it has neither an
-e nor edges, and sticks at 0 while none of these is within its band. Who sticks, and with which force, the
-inclusion itself decides: three surfaces a friction for any number of them, where the levels of
-`filippov.model.comparators.coupled_bands` grow like 3^n. Friction that slips within its band sticks again at
-h_i = e_i, not where its force would hold it.
+so that dh_i/dt = -alpha_i h_i while friction i sticks, from the edge of its band on. Who sticks, and with
+which force, the inclusion itself decides: three surfaces a friction for any number of them, where the levels
+of `filippov.model.comparators.coupled_bands` grow like 3^n. Friction that slips within its band sticks again
+at h_i = e_i, not where its force would hold it.
+
+Where h_i is a sum of others, sum_j c_ij(x) h_j, it has no e: it sticks at the same sum of theirs, so that all
+stick at once. Its band is that of this sum, |h_i| <= sum_j |c_ij| eta_j. While it is within it none of these
+e_j is set: it would tear off, and could drive h_j out of the band again, at once and forever.
 
 Switch     places move with the velocities
 Karnopp    velocities count in every equation as those at h_i - e_i, brought there along what the signs do
@@ -27,7 +29,7 @@ from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
 from filippov.model.comparator import Karnopp
-from filippov.model.comparators.stick_band import OTHERS, UNIT, StickBand, moved_onto
+from filippov.model.comparators.stick_band import OTHERS, UNIT, StickBand, kink, moved_onto
 from filippov.model.surface import Surface
 from filippov.model.symbolic import SymbolicForm, convex
 from filippov.model.symbols import states
@@ -40,36 +42,50 @@ def with_moving_stick(
 ) -> tuple[SymbolicForm, tuple[Surface, ...]]:
     """The form with one state e more for each band, last, and the surfaces with the edges of bands, last.
 
-    A band whose h is a sum of others has neither. Raises ModelError where what Karnopp takes for the velocity
+    A band whose h is a sum of others has no e. Raises ModelError where what Karnopp takes for the velocity
     at h = e depends on the velocities.
     """
     shares = _shares(form, bands)
-    own = [band for k, band in enumerate(bands) if k in shares[k]]
-    e = _memories(form, own)
-    at = dict(zip((k for k in range(len(bands)) if k in shares[k]), e, strict=True))
+    own = [k for k in range(len(bands)) if k in shares[k]]
+    e = _memories(form, [bands[k] for k in own])
+    at = dict(zip(own, e, strict=True))
     sticks = [sympy.Add(*(c * at[j] for j, c in row.items())) for row in shares]
     n, m = len(form.x), len(form.h)
     h, sets, out = list(form.h), list(form.radius), list(surfaces)
     widths = list(form.widths) or [None] * m
-    edges: list[tuple[Symbol, ...]] = []
     for band, q in zip(bands, sticks, strict=True):
         h[band.i], widths[band.i] = band.h - q, None
         out[band.i] = replace(band.surface, h=band.surface.h - q, width=0.0)
-    for band, q in zip(own, e, strict=True):
-        # One rule for both edges: an impact may pass them at once.
-        before = [Symbol(f"_s{len(h) + k}", real=True) for k in range(2)]
-        after = band.width * sympy.Add(*before) / 2
+    reach = [sympy.Add(*(_at_least(c) * bands[j].width for j, c in row.items())) for row in shares]
+    # The signs of both edges of every band.
+    signs = [[Symbol(f"_s{m + 2 * k + side}", real=True) for side in (0, 1)] for k in range(len(bands))]
+    edges: list[Row] = []
+    for k, band in enumerate(bands):
+        q = at.get(k)
+        after: Expr | None = None
+        if q is not None:
+            # One rule for both edges: an impact may pass them at once.
+            free = sympy.Mul(*(
+                1 - (1 - signs[j][0]) * (1 + signs[j][1]) / 4
+                for j, row in enumerate(shares) if j != k and k in row
+            ))  # fmt: skip
+            after = q + free * (band.width * sympy.Add(*signs[k]) / 2 - q)
         for name, side in (("upper", 1), ("lower", -1)):
-            h.append(band.h - side * band.width)
-            edges.append(tuple(after if other is q else other for other in (*form.x, *e)))
-            out.append(Surface(f"{band.surface.name}:{name}", band.surface.h - side * band.width,
-                               reset={q: after}, side="both"))  # fmt: skip
+            h.append(band.h - side * reach[k])
+            own = band.surface.h - side * reach[k]
+            label = f"{band.surface.name}:{name}"
+            if after is None:
+                edges.append(None)
+                out.append(kink(band.surface, label, own))
+            else:
+                edges.append(tuple(after if other is q else other for other in (*form.x, *e)))
+                out.append(Surface(label, own, reset={q: after}, side="both"))
     more = len(edges)
     still = [k for k, band in enumerate(bands) if isinstance(band.own, Karnopp)]
     still = [k for k in still if k in shares[k] or not shares[k].keys() <= set(still)]
     seen = _seen(form, [bands[k] for k in still], [sticks[k] for k in still], bands)
     field = [f.xreplace(seen) for f in form.field]
-    field[n:n] = [-band.alpha * q for band, q in zip(own, e, strict=True)]
+    field[n:n] = [-bands[k].alpha * q for k, q in at.items()]
 
     def longer(row: Row) -> Row:
         return None if row is None else (*row, *e)
@@ -116,6 +132,11 @@ def _shares(form: SymbolicForm, bands: Sequence[StickBand]) -> list[dict[int, Ex
         found = base.T.LUsolve(sympy.Matrix([row[c] for c in pivots]))
         out.append({j: c for j, e in zip(own, found, strict=True) if (c := _tidy(e)) != 0})
     return out
+
+
+def _at_least(c: Expr) -> Expr:
+    """|c|, or what is no less and has no kink."""
+    return sympy.Abs(c) if c.is_number else (1 + c**2) / 2
 
 
 def _row(h: Expr, moved: Sequence[Symbol]) -> list[Expr]:

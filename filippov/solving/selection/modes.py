@@ -147,7 +147,7 @@ def _consistent(
         found += _examined(point, base, with_signs(base, surfaces, signs), surfaces, radii)
     if len(found) < 2:
         return found
-    sizes = point.field_terms(base)
+    sizes = _projected(point, base, reached)
     left = frozenset(i for i in triggered or () if base[i] == 0)
     found = _without_doubles(found, left, sizes)
     return _one_per_solution(_without_released_sticking(found, radii), sizes)
@@ -293,6 +293,20 @@ def _ends(
             )
         )
     return ends
+
+
+def _projected(point: Point, base: Mode, reached: Sequence[int]) -> Array:
+    """Sizes of the terms of the field; of each state too what rounding of the rates of surfaces puts into it.
+
+    A field that slides is put onto its surfaces, in all states that these depend on.
+    """
+    sizes = point.field_terms(base)
+    g, gt = point.gradients(np.array(base, dtype=float))
+    rows = np.where(np.isfinite(g), np.abs(g), 0.0)[list(reached)]
+    rates = rows @ sizes + np.abs(gt[list(reached)])
+    norms = np.sum(rows * rows, axis=1)
+    parts = np.divide(rates, norms, out=np.zeros_like(rates), where=norms > 0.0)
+    return np.asarray(sizes + ROUNDING / SAME * (parts @ rows))
 
 
 def _same_field(a: Successor, b: Successor, sizes: Array) -> bool:
