@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from filippov import Surface, System, cos, parameters, sin, solve, states
+from filippov import Surface, System, cos, parameters, sin, solve, states, t
 from filippov.analysis import EventMap, Section, find_orbit
 
 # Garcia, Chatterjee, Ruina & Coleman 1998: the simplest walker on a slope of 0.009, just after a heel strike.
@@ -70,3 +70,49 @@ def test_restart_after_resets_that_lead_across(seed):
         rest = solve(system, half.x_end, (event.t, 15), rtol=1e-11, atol=1e-13)
         assert abs(rest.x_end - whole.x_end).max() < 1e-8
         assert len(half.events) + len(rest.events) == len(whole.events)
+
+
+def supported(rng, kind):
+    """A body on a moving table, on wavy ground, pressed onto a floor, or under a ceiling; a start off it."""
+    x, v, y, w = states("x v y w")
+    size, rate, e, u = rng.uniform((0.05, 1, 0, 0.5), (0.3, 4, 0.5, 1.5))
+    at, g = rng.choice([0, 1.0, 50.0, -3.0]), 9.81
+    motion, field, x0 = 0 * y, {y: w, w: -g}, (at + 1, 0)
+    h = y - at
+    if kind == 0:
+        h, motion = h - size * sin(rate * t), size * rate * cos(rate * t)
+    elif kind == 1:
+        h, motion = h - size * sin(rate * x), size * rate * v * cos(rate * x)
+        field, x0 = {x: v, v: 0 * x, y: w, w: -g}, (0, u, at + 1, 0)
+    elif kind == 2:
+        field = {y: w, w: -g + 3 * sin(rate * t)}
+    else:
+        h, field, x0 = at - y, {y: w, w: g - 0.5 * w + 3 * cos(rate * t) - y + at}, (at - 1, 0)
+    return System(field, surfaces=[Surface("floor", h, reset={w: -e * w + (1 + e) * motion})]), x0
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_states_of_the_dense_output_rest_as_the_solution_does(seed):
+    rng = np.random.default_rng(seed)
+    system, x0 = supported(rng, seed % 4)
+    whole = solve(system, x0, (0, 8), zeno="continue")
+    if whole.modes[-1] != "0":
+        return  # the table throws it off
+    for at in rng.uniform(whole.segments[-1].t0, 8, 4):
+        for zeno in ("stop", "continue"):
+            rest = solve(system, whole.sol(at), (at, 8), zeno=zeno)
+            assert rest.modes == ("0",), rest.message
+            assert np.allclose(rest.x_end, whole.x_end, rtol=1e-7, atol=1e-7)
+
+
+@pytest.mark.parametrize("depth", [0, 1e-13, 1e-11])
+def test_state_behind_a_floor_by_rounding_bounces(depth):
+    y, w = states("y w")
+    ball = System({y: w, w: -9.81 + 0 * y}, surfaces=[Surface("floor", y - 1, reset={w: -0.5 * w})])
+    down = solve(ball, (1 - depth, -2), (0, 0.1))
+    assert down.events[0].kind == "reset"
+    assert abs(down.x_end - [1 + 0.1 - 4.905 * 0.01, 1 - 0.981]).max() < 1e-10
+    up = solve(ball, (1 - depth, 2), (0, 0.1))
+    assert abs(up.x_end - [1 + 0.2 - 4.905 * 0.01, 2 - 0.981]).max() < 1e-10
+    deep = solve(ball, (0.9, -2), (0, 0.1))
+    assert deep.modes == ("-",)

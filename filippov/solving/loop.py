@@ -25,12 +25,12 @@ from filippov.solving.resets.jumps import (
     reset_surfaces_at,
     settle,
     source_name,
-    starting,
     state_text,
 )
 from filippov.solving.resets.passed import passed, slipped
 from filippov.solving.resets.reset_cycle import rests_in_cycle
 from filippov.solving.resets.slow_spiral import slow_spiral
+from filippov.solving.resets.starts import begin, starting
 from filippov.solving.resets.zeno import Accumulation, accumulates, power_law
 from filippov.solving.selection.ambiguity import BACKWARDS, SPIRAL, Ambiguity, listing, noted, picked
 from filippov.solving.selection.attraction import LOST, Attraction
@@ -159,7 +159,7 @@ class _Loop(Settling):
         self.watch.arm(run)
         self._aim()
         if self.begin is None:
-            code = run.begin()
+            code = begin(run)
         else:
             at, chosen = self.begin
             code, run.mode[:] = codes.REACHED, at.before

@@ -40,8 +40,6 @@ ACCUMULATES = "accumulation"
 SAME = 1e-9
 LATER = 8
 MOST_TOGETHER = 6
-# A state after a reset, as printed with few digits, is off the states that the reset leads to by so much.
-AS_PRINTED = 1e-3
 # Steps towards the sides of several surfaces at once: one may lead behind another.
 PUSHES = 8
 
@@ -95,40 +93,6 @@ def pending(run: Run, surfaces: Sequence[int]) -> list[int]:
         return []
     rates = rates_at(run, run.x, run.mode)
     return [i for i in active if runs_onto(run, run.x, mode, rates, i)]
-
-
-def starting(run: Run, near: Sequence[int]) -> tuple[list[int], list[int]]:
-    """Of surfaces that an initial state is on, those that reset it, and contacts that it rests on.
-
-    The first have one active side, from which they are run onto; the mode is set to that side. A state after
-    a reset that leads across its surface runs onto it from there as well: it is not reset again.
-    """
-    found = []
-    for i in near:
-        if len(run.machine.resets_from[i]) == 1:
-            given = run.mode[i]
-            run.mode[i] = run.machine.resets_from[i][0]
-            if not pending(run, [i]):
-                run.mode[i] = given
-            elif _is_after(run, i):
-                run.mode[i] = -run.mode[i]
-            else:
-                found.append(i)
-    return found, [] if found else resting_on(run, near)
-
-
-def _is_after(run: Run, i: int) -> bool:
-    """Whether the present state is one after the reset of surface i, which leads across it here too."""
-    from scipy.optimize import least_squares  # takes longer to import than all else
-
-    machine, x, mode = run.machine, run.x.copy(), off_contact(run, run.mode)
-    after = machine.reset(i, run.t, x, mode)
-    rates = rates_at(run, after, run.mode)
-    if not rates.on(i) or rates.still(i) or not rates.into(i, mode[i]):
-        return False
-    size = np.abs(x) + np.abs(after) + run.atol
-    origins = (least_squares(lambda y: (machine.reset(i, run.t, y, mode) - x) / size, y) for y in (after, x))
-    return any(bool(np.max(np.abs(origin.fun)) <= AS_PRINTED) for origin in origins)
 
 
 def reset_surfaces_at(run: Run) -> list[int]:
