@@ -208,12 +208,13 @@ _HELD, _NOISE = 1e-9, 1e3
 
 def _sizes(orbit: Orbit) -> Array:
     """The unit of each state along a branch: its extent; of one that is held its value, as it may vary along
-    the branch; of one that is held at 0 the largest of the others."""
+    the branch; of one that is held at 0 the largest of the others, 1 where all are, as by a sliding mode."""
     assert orbit.problem is not None
     extent, place = orbit.high - orbit.low, np.maximum(np.abs(orbit.high), np.abs(orbit.low))
     noise = _NOISE * np.asarray(orbit.problem.atol)
     size = np.where(extent > np.maximum(_HELD * place, noise), extent, np.where(place > noise, place, 0.0))
-    return np.where(size > 0.0, size, np.max(size) or np.max(place) or 1.0)
+    largest = float(np.max(place))
+    return np.where(size > 0.0, size, np.max(size) or (largest if largest > np.max(noise) / _NOISE else 1.0))
 
 
 class OrbitProblem:

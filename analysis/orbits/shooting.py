@@ -160,7 +160,9 @@ class Shooting:
         for i, (solution, share) in enumerate(zip(solutions, self.shares, strict=True)):
             rows = slice(i * n, (i + 1) * n)
             by = derivative_by_all(solution, False, names, self.jacobian)
-            out[rows, i * n : (i + 1) * n] = by[:n, :n] @ tangent(solution, self.sliding[i])
+            # A node that is on a surface by rounding slides from there as the nodes beside it do.
+            slid = self.sliding[i] or tuple(j for j, sign in enumerate(solution.start_mode) if sign == 0)
+            out[rows, i * n : (i + 1) * n] = by[:n, :n] @ tangent(solution, slid)
             last = solution.end_mode, solution.t_end, solution.x_end
             end = velocity_at(self.system, *last, p, self.jacobian)
             length = share / self.symmetry_order * end
