@@ -65,3 +65,29 @@ def test_a_slide_that_decays_to_an_equilibrium_stays(rate: float) -> None:
     assert run.sol(times)[0] == pytest.approx(np.exp(-rate * times), abs=1e-8)
     grows = solve(System({x: 0.1 + 0 * x, y: y - sign(y) * x}), (-1, 0), (0, 20))
     assert grows.status is Status.NON_UNIQUE
+
+
+@pytest.mark.parametrize("seed", range(4 * DRAWS))
+def test_what_has_decayed_under_fields_that_attract_rests(seed: int) -> None:
+    """Two stable linear fields switched on a plane through their centre: from the tolerances on it rests."""
+    r = np.random.default_rng([7, seed])
+    n, centre = 2 + seed % 2, r.normal(size=3) * (seed % 4 > 1)
+    sides = []
+    while len(sides) < 2:
+        side = r.normal(size=(n, n)) - 1.5 * np.eye(n)
+        sides += [side] if np.linalg.eigvals(side).real.max() < -0.3 else []
+    half, rest, c = (sides[0] + sides[1]) / 2, (sides[0] - sides[1]) / 2, r.normal(size=n)
+    x = [NAMES[i] - float(centre[i]) for i in range(n)]
+    switch = sign(sum(float(c[i]) * x[i] for i in range(n)))
+    rates = [sum((float(half[i, j]) + float(rest[i, j]) * switch) * x[j] for j in range(n)) for i in range(n)]
+    run = solve(System(dict(zip(NAMES, rates, strict=False))), centre[:n] + r.normal(size=n), (0, 150))
+    assert run.success, run.message
+    left = np.max(np.abs(run.x_end - centre[:n]))
+    assert left < 1e-8 or left > 1  # what switching makes grow
+
+
+def test_what_leads_off_does_not_rest() -> None:
+    """x and z spiral in, and y grows from below the tolerances."""
+    x, y, z = NAMES
+    run = solve(System({x: 3 * z - x, z: -3 * x - z - sign(x) * z, y: y / 10}), (1, 0, 1e-14), (0, 400))
+    assert run.x_end[2] == pytest.approx(1e-14 * np.exp(40), rel=1e-6)

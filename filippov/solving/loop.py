@@ -20,15 +20,10 @@ from filippov.solving.domain import edge
 from filippov.solving.finished import Course, finished
 from filippov.solving.instant import reached_at_once
 from filippov.solving.patience import Patience
-from filippov.solving.resets.jumps import (
-    pending,
-    reset_surfaces_at,
-    settle,
-    source_name,
-    state_text,
-)
+from filippov.solving.resets.jumps import pending, reset_surfaces_at, settle, source_name, state_text
 from filippov.solving.resets.passed import passed, slipped
 from filippov.solving.resets.reset_cycle import rests_in_cycle
+from filippov.solving.resets.rest import CLOSE, FAR
 from filippov.solving.resets.slow_spiral import slow_spiral
 from filippov.solving.resets.starts import begin, starting
 from filippov.solving.resets.zeno import Accumulation, accumulates, power_law
@@ -243,7 +238,7 @@ class _Loop(Settling):
     def _budgets(self) -> tuple[Status, str] | None:
         run, options = self.run, self.options
         held_up = self.patience.look(self.t_end, self.accumulations)
-        if (held_up is not None or self._stands()) and self._settled():
+        if self._faded(1.0) or ((held_up is not None or self._stands()) and self._settled()):
             return None
         if self.patience.slow and (drawn := funnelled(run)):
             return self._classify(drawn, drawn, start=False)
@@ -407,7 +402,10 @@ class _Loop(Settling):
         happens = None if start or jump is not None else [i for i in triggered if i not in seen]
         name, candidates, point = followers(run, base, reached, happens)
         # A slide may have come to its end where several modes seem to follow, or one that cannot be told.
-        if not start and jump is None and (name or self.higher.powerless()) and self._settled():
+        late = not start and jump is None
+        if late and self._faded(FAR if name else CLOSE):
+            return None
+        if late and (name or self.higher.powerless()) and self._settled():
             return None
         begun = self.higher.idle(candidates) if jump is None else ""
         if isinstance(begun, Begun):
@@ -416,8 +414,7 @@ class _Loop(Settling):
         if len(candidates) == 1 and name != SPIRAL:
             note = noted(point, name, candidates[0]) or close_call(run, candidates[0])
             return self._take(candidates[0], before, triggered, note, start, jump)
-        names = ", ".join(repr(run.machine.surfaces[i].name) for i in reached)
-        where = f"at state {state_text(run)} on {names}"
+        where = f"at state {state_text(run)} on " + ", ".join(repr(run.names[i]) for i in reached)
         if not candidates:
             begun = self.higher.begin(reached, 1e2 * (run.atol + run.options.rtol * np.abs(run.x)))
             if isinstance(begun, Begun):

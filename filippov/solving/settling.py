@@ -14,7 +14,7 @@ from filippov.kernel.tables import codes
 from filippov.solving.patience import Patience
 from filippov.solving.resets.jumps import bouncing, endless, pending
 from filippov.solving.resets.reset_cycle import rests_in_cycle
-from filippov.solving.resets.rest import NEAR_REST, come_to_rest, on_equilibrium, rest, rests
+from filippov.solving.resets.rest import CLOSE, NEAR_REST, come_to_rest, faded, on_equilibrium, rest, rests
 from filippov.solving.resets.slow_spiral import SlowSpiral, slow_spiral
 from filippov.solving.resets.zeno import (
     WITHIN,
@@ -254,7 +254,7 @@ class Settling(ABC):
         run, before = self.run, self.run.signs
         slid = self.higher.slid_lately(stuck)
         if not slid:
-            return False
+            return self._faded()
         begun = self.higher.settles(slid)
         if isinstance(begun, Begun):
             # A solution that goes on sliding comes to rest where it is tangent to a kink.
@@ -264,6 +264,17 @@ class Settling(ABC):
         near = come_to_rest(run, slid, NEAR_REST if stuck else 0.0)
         if near:
             rest(run, near)
+        return bool(near) or self._faded()
+
+    def _faded(self, close: float = CLOSE) -> bool:
+        """Whether the solution stays at an equilibrium, from which it cannot be told any more.
+
+        close: in tolerances; where steps are short beside the time left, CLOSE at least.
+        """
+        short = self.run.clock.step < SHORT * abs(float(self.run.clock.t_end) - self.run.t)
+        near = faded(self.run, max(close, CLOSE) if short else close)
+        if near:
+            rest(self.run, near)
         return bool(near)
 
     def _rests(self, reached: Sequence[int], start: bool) -> bool:

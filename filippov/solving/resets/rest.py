@@ -109,6 +109,32 @@ def _vertex_fields(run: Run, switching: Sequence[int], t: float | None = None) -
     return fields
 
 
+def faded(run: Run, close: float = CLOSE) -> list[int]:
+    """The surfaces through an equilibrium of all fields beside it, to which the run has come; [] if none.
+
+    Each of the fields attracts, and the run cannot be told from the equilibrium by so many tolerances: where
+    it goes is rounding. The run is moved onto the surfaces.
+    """
+    slack = close * (run.atol + run.options.rtol * np.abs(run.x))
+    near, machine = near_within(run, run.x, slack, run.mode), run.machine
+    held = not 0 < len(near) <= LARGEST_CORNER or any(machine.resets_from[i] for i in near)
+    if held or run.direction < 0 or np.all(np.abs(run.begun - run.x) <= FAR * slack):
+        return []
+    corner, moves = np.where(run.mode == 0.0, 1.0, run.mode), np.diag(FAR * slack)
+    for signs in itertools.product((-1.0, 1.0), repeat=len(near)):
+        corner[near] = signs
+        beside = np.array([machine.rhs(run.t, run.x + move, corner, corner) for move in (*moves, *-moves)])
+        slope = (beside[: len(slack)] - beside[len(slack) :]).T / (2 * FAR * slack)
+        if not np.all(np.isfinite(slope)) or np.max(np.linalg.eigvals(slope).real) >= 0.0:
+            return []
+        times = np.linspace(run.t, float(run.clock.t_end), SAMPLES)
+        fields = [np.array(machine.rhs(float(t), run.x, corner, corner)) for t in times]
+        if np.any(np.abs(np.linalg.solve(slope, np.transpose(fields))) > slack[:, None]):
+            return []
+    run.x[:] = onto(run, run.t, run.x, tuple(i for i in near if machine.roles[i] == "switching"))
+    return near
+
+
 def on_equilibrium(run: Run, triggered: Sequence[int]) -> bool:
     """Move a run that has come from afar onto the equilibrium on kinks from which it cannot be told.
 

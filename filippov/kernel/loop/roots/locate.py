@@ -50,6 +50,8 @@ LEAVES = 16
 STEEP = 1e-9
 # Relative to the rates on both sides of a sliding surface: an excess of the multiplier that is rounding.
 BOUND_TOLERANCE = 1e-10
+# The least value of a tangency, as a part of the largest on the piece.
+FLAT = 0.01
 # The rounding of differences over 2e-3 of an argument, relative to that of what they differ.
 DIFFERENCED = 1e3
 
@@ -310,6 +312,8 @@ def row_root(
             grain = max(grain, NOISY * guard_noise(i, t, step, w.coef, p, m, w, ctx))
         if high <= grain and low >= -grain:
             return NO_ROOT, 2.0, degree
+    # What the tolerance was where the segment began is no tangency of a guard that has decayed since.
+    touch = min(touch, FLAT * most)
     kind, u = first_root(c, degree, touch, w.stack, w.bounds, w.work)
     if m[i] == 0.0 and kind != NO_ROOT and c[0] > 2.0 * dip > 0.0:
         end = DEGREE * 2 * M + i
