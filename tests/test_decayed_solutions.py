@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sympy import Abs
 
-from filippov import Status, System, sign, solve, states
+from filippov import Status, System, TimeEvent, exp, sign, solve, states, t
 
 NAMES = states("x y z")
 DRAWS = 60 if os.environ.get("FILIPPOV_PROFILE") == "ci" else 6
@@ -91,3 +91,15 @@ def test_what_leads_off_does_not_rest() -> None:
     x, y, z = NAMES
     run = solve(System({x: 3 * z - x, z: -3 * x - z - sign(x) * z, y: y / 10}), (1, 0, 1e-14), (0, 400))
     assert run.x_end[2] == pytest.approx(1e-14 * np.exp(40), rel=1e-6)
+
+
+def test_a_pulse_that_is_to_come_is_waited_for() -> None:
+    """What has decayed below the tolerances is moved again by a short pulse, and by a clock."""
+    x, y, _ = NAMES
+    swing = {x: 3 * y - x, y: -3 * x - y - sign(x) * y}
+    pulse = {**swing, y: swing[y] + exp(-(((t - 150) / 2) ** 2))}
+    run = solve(System(pulse), (1, 0), (0, 170), max_step=1)
+    assert np.max(np.abs(run.sol(np.linspace(148, 152, 41)))) > 0.1
+    kick = TimeEvent("kick", times=(100,), reset={x: 1, y: 0})
+    kicked = solve(System(swing, time_events=[kick]), (1, 0), (0, 105))
+    assert kicked.x_end == pytest.approx(solve(System(swing), (1, 0), (0, 5)).x_end, abs=1e-9)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from filippov.base.arrays import Array
 from filippov.base.status import EventKind
+from filippov.model.system import System
 from filippov.solving.resets.zeno import LARGEST_CORNER, onto
 from filippov.solving.selection.ambiguity import point_of
 from filippov.solving.selection.modes import leading_off
@@ -117,8 +119,9 @@ def faded(run: Run, close: float = CLOSE) -> list[int]:
     """
     slack = close * (run.atol + run.options.rtol * np.abs(run.x))
     near, machine = near_within(run, run.x, slack, run.mode), run.machine
-    held = not 0 < len(near) <= LARGEST_CORNER or any(machine.resets_from[i] for i in near)
-    if held or run.direction < 0 or np.all(np.abs(run.begun - run.x) <= FAR * slack):
+    able = 0 < len(near) <= LARGEST_CORNER and not any(machine.resets_from[i] for i in near)
+    able = able and run.direction > 0 and not _depends_on_time(machine.system)
+    if not able or np.all(np.abs(run.begun - run.x) <= FAR * slack):
         return []
     corner, moves = np.where(run.mode == 0.0, 1.0, run.mode), np.diag(FAR * slack)
     for signs in itertools.product((-1.0, 1.0), repeat=len(near)):
@@ -133,6 +136,15 @@ def faded(run: Run, close: float = CLOSE) -> list[int]:
             return []
     run.x[:] = onto(run, run.t, run.x, tuple(i for i in near if machine.roles[i] == "switching"))
     return near
+
+
+@lru_cache(maxsize=128)
+def _depends_on_time(system: System) -> bool:
+    """Whether t stands in the formulas of a system; of plain functions that is asked at SAMPLES times."""
+    from filippov.model.symbols import t  # takes longer to import than all else
+
+    form = system.symbolic
+    return form is not None and any(t in expression.free_symbols for expression in form.expressions())
 
 
 def on_equilibrium(run: Run, triggered: Sequence[int]) -> bool:
