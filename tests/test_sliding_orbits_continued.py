@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from filippov import System, parameters, sign, sin, states, t
+from filippov import System, UsageError, parameters, sign, sin, states, t
 from filippov.analysis import continuation, find_orbit
 
 
@@ -20,3 +20,13 @@ def test_disturbance_breaks_through(seed):
     branch = continuation(system, find_orbit(system, start), parameter="d", bounds=(0.2 * K, 1.1 * K)).run()
     assert branch.special[0].special == "adding-sliding"
     assert abs(branch.special[0].value - K) < 1e-6 * K
+
+
+def test_parameter_in_no_formula_is_refused():
+    x, v = states("x v")
+    p = parameters(k=1, unused=3, c=0.3)
+    system = System({x: v, v: -p.k * x - p.c * sign(v) + sin(1.3 * t)}, parameters=p)
+    orbit = find_orbit(system, (1, 0))
+    with pytest.raises(UsageError, match=r"'unused' stands in no equation.*Vary one that does: k, c"):
+        continuation(system, orbit, parameter="unused", bounds=(1, 5))
+    assert len(continuation(system, orbit, parameter="c", bounds=(0.29, 0.31)).run().points) > 2

@@ -27,6 +27,7 @@ from filippov.analysis.orbits.shooting import NoConvergenceError, velocity_at
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.base.arrays import Array, Complex
 from filippov.base.changed import changed
+from filippov.base.names import unknown
 from filippov.graphs.word import word_of
 
 # A cycle this much smaller than at the start is taken to shrink into the equilibrium set.
@@ -200,6 +201,23 @@ class MapProblem:
                 last[side] = end, there
             reach *= 2.0
         return None
+
+
+def check_varied(system: System, parameter: str, start: Any) -> None:
+    """Raise UsageError for a parameter that is not known, or that stands in none of the formulas."""
+    if parameter not in system.parameters:
+        raise UsageError(unknown("parameter", parameter, system.parameters.names))
+    form = system.symbolic
+    if form is None or (isinstance(start, tuple) and isinstance(start[0], EventMap)):
+        return  # functions, and a section, may depend on it
+    written = (*form.expressions(), *(q for event in system.time_events for q in event.expressions()))
+    used = {symbol.name for formula in written for symbol in formula.free_symbols}
+    if parameter not in used:
+        others = ", ".join(name for name in system.parameters.names if name in used) or "none"
+        raise UsageError(
+            f"parameter {parameter!r} stands in no equation, surface, reset or clock of the system: nothing "
+            f"varies with it. Vary one that does: {others}."
+        )
 
 
 # A state that moves by less than this part of it, or than so many absolute tolerances, has no extent.

@@ -28,6 +28,7 @@ from filippov.analysis.bifurcations.branch_problem import (
     BranchProblem,
     MapProblem,
     OrbitProblem,
+    check_varied,
 )
 from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector, closed_by
 from filippov.analysis.bifurcations.crossing import Crossings, EndOfWordError
@@ -42,7 +43,7 @@ from filippov.analysis.orbits.orbit_search import refine
 from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
-from filippov.base.names import Answering, unknown
+from filippov.base.names import Answering
 from filippov.base.shown import Shown
 from filippov.base.status import mode_text
 from filippov.solving.state.options import check_state
@@ -120,8 +121,7 @@ def _problem(
             f"system is of type {type(system).__name__}, expected a System or a function F(u, value). Write "
             "continuation(system, start, parameter=..., bounds=...)."
         )
-    if parameter not in system.parameters:
-        raise UsageError(unknown("parameter", parameter, system.parameters.names))
+    check_varied(system, parameter, start)
     if isinstance(start, Orbit):
         values = dict(start.parameters)
         if value is not None or start.problem is None:
