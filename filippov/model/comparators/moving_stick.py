@@ -21,12 +21,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import sympy
 from scipy.linalg import qr
 from sympy import Expr, Symbol
 
+from filippov.base.arrays import Array
 from filippov.base.errors import ModelError
 from filippov.model.comparator import Karnopp
 from filippov.model.comparators.stick_band import OTHERS, UNIT, StickBand, kink, moved_onto
@@ -123,15 +125,26 @@ def _shares(form: SymbolicForm, bands: Sequence[StickBand]) -> list[dict[int, Ex
     own: list[int] = []
     out: list[dict[int, Expr]] = []
     for k, row in enumerate(rows):
-        if any(np.linalg.matrix_rank(part[[*own, k]], tol=1e-9) > len(own) for part in drawn):
+        few = (q for size in range(1, min(len(own), len(moved)) + 1) for q in combinations(own, size))
+        among = next((q for q in few if all(_sum_of(part[list(q)], part[k]) for part in drawn)), None)
+        if among is None:
             own.append(k)
             out.append({k: sympy.S.One})
             continue
-        pivots = qr(drawn[0][own], pivoting=True, mode="r")[1][: len(own)].tolist()
-        base = sympy.Matrix([[rows[j][c] for c in pivots] for j in own])
+        pivots = qr(drawn[0][list(among), :-1], pivoting=True, mode="r")[1][: len(among)].tolist()
+        base = sympy.Matrix([[rows[j][c] for c in pivots] for j in among])
         found = base.T.LUsolve(sympy.Matrix([row[c] for c in pivots]))
-        out.append({j: c for j, e in zip(own, found, strict=True) if (c := _tidy(e)) != 0})
+        out.append({j: _tidy(e) for j, e in zip(among, found, strict=True)})
     return out
+
+
+def _sum_of(base: Array, row: Array) -> bool:
+    """Whether a row is a sum of others that can all be 0 at once: of independent slopes."""
+    slopes = base[:, :-1]
+    if np.linalg.matrix_rank(slopes, tol=1e-9) < len(base):
+        return False
+    share = np.linalg.lstsq(slopes.T, row[:-1], rcond=None)[0]
+    return bool(np.any(row[:-1]) and np.max(np.abs(share @ base - row)) < 1e-9)
 
 
 def _at_least(c: Expr) -> Expr:

@@ -38,7 +38,8 @@ from filippov.solving.state.point import Point
 # Combinations of the corners' choices that are all examined; beyond, corner by corner.
 COMBINED = 729
 SWEEPS = 6
-RANK, SAME = 1e-10, 1e-9
+# CLEARED: fields of which one leaves where the multiplier of the other is clear of its end by more than 1e-7.
+RANK, SAME, CLEARED = 1e-10, 1e-9, 1e-5
 
 
 @dataclass(frozen=True)
@@ -319,14 +320,19 @@ def _without_doubles(found: list[Successor], left: frozenset[int], sizes: Array)
 
     A slide at the end of its set can go on only where the solution beside it with the same field comes back:
     that both follow is rounding, as where the surface is a solution of that field. What has just been `left`
-    stays left there.
+    stays left there. A slide whose multiplier is clear of the ends of its set precedes leaving along a rate
+    that counts as 0: it is that by which the multiplier is clear.
     """
 
     def beaten(a: Successor, b: Successor) -> bool:
-        if a.mode == b.mode or not _same_field(a, b, sizes):
+        if a.mode == b.mode or not _same_field(a, b, CLEARED / SAME * sizes):
             return False
         orders = [0 if i in a.faint else k for i, k in enumerate(a.order)]
         where = [(i, orders[i], b.order[i]) for i in range(len(a.mode)) if a.mode[i] != b.mode[i]]
+        if all(b.mode[i] == 0 and q == 0 and k > 1 for i, k, q in where):
+            return True
+        if not _same_field(a, b, sizes):
+            return False
         if all(b.mode[i] == 0 and (k == 0 or (q == 2 and i not in left)) for i, k, q in where):
             return True
         return all(a.mode[i] == 0 and k == 2 and q > 0 and i in left for i, k, q in where)
