@@ -24,7 +24,7 @@ from filippov.solving.state.point import Point
 CLEAR = 1e-6
 BALANCED = 1e-10
 # Of what the signs make of a rate: what is left of one that vanishes where the end of sliding was located.
-LOCATED = 1e-7
+LOCATED = 2e-7
 # The same where it is rounding, of the terms of the rate and of what the signs make of it.
 ROUNDING, AT_END = 16 * float(np.finfo(float).eps), 3e-13
 OPEN = 1e299

@@ -329,10 +329,10 @@ def _without_doubles(found: list[Successor], left: frozenset[int], sizes: Array)
             return False
         orders = [0 if i in a.faint else k for i, k in enumerate(a.order)]
         where = [(i, orders[i], b.order[i]) for i in range(len(a.mode)) if a.mode[i] != b.mode[i]]
-        if all(b.mode[i] == 0 and q == 0 and k > 1 for i, k, q in where):
-            return True
         if not _same_field(a, b, sizes):
-            return False
+            clear = [b.mode[i] == 0 and q == 0 and k > 1 for i, k, q in where]
+            gone = [i in left and b.mode[i] != 0 for i, _, _ in where]
+            return any(clear) and all(c or d for c, d in zip(clear, gone, strict=True))
         if all(b.mode[i] == 0 and (k == 0 or (q == 2 and i not in left)) for i, k, q in where):
             return True
         return all(a.mode[i] == 0 and k == 2 and q > 0 and i in left for i, k, q in where)
