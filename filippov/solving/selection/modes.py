@@ -150,7 +150,7 @@ def _consistent(
         return found
     sizes = _projected(point, base, reached)
     left = frozenset(i for i in triggered or () if base[i] == 0)
-    found = _without_doubles(found, left, sizes)
+    found = _without_doubles(found, left, sizes, radii)
     return _one_per_solution(_without_released_sticking(found, radii), sizes)
 
 
@@ -315,14 +315,19 @@ def _same_field(a: Successor, b: Successor, sizes: Array) -> bool:
     return bool(np.all(np.abs(np.subtract(a.field, b.field)) <= SAME * sizes))
 
 
-def _without_doubles(found: list[Successor], left: frozenset[int], sizes: Array) -> list[Successor]:
+def _without_doubles(
+    found: list[Successor], left: frozenset[int], sizes: Array, radii: Array
+) -> list[Successor]:
     """Sliding precedes an equal solution along the surface: a multiplier at the end of its set.
 
     A slide at the end of its set can go on only where the solution beside it with the same field comes back:
     that both follow is rounding, as where the surface is a solution of that field. What has just been `left`
-    stays left there. A slide whose multiplier is clear of the ends of its set precedes leaving along a rate
-    that counts as 0: it is that by which the multiplier is clear.
+    stays left there. A slide whose multiplier is clear of an end of its set by little precedes leaving along
+    a rate that counts as 0: it is that by which the multiplier is clear.
     """
+
+    def near(b: Successor, i: int) -> bool:
+        return bool(np.min(np.abs(radii[i] - b.multipliers[i])) <= CLEARED * np.max(np.abs(radii[i])))
 
     def beaten(a: Successor, b: Successor) -> bool:
         if a.mode == b.mode or not _same_field(a, b, CLEARED / SAME * sizes):
@@ -330,7 +335,7 @@ def _without_doubles(found: list[Successor], left: frozenset[int], sizes: Array)
         orders = [0 if i in a.faint else k for i, k in enumerate(a.order)]
         where = [(i, orders[i], b.order[i]) for i in range(len(a.mode)) if a.mode[i] != b.mode[i]]
         if not _same_field(a, b, sizes):
-            clear = [b.mode[i] == 0 and q == 0 and k > 1 for i, k, q in where]
+            clear = [b.mode[i] == 0 and q == 0 and k > 1 and near(b, i) for i, k, q in where]
             gone = [i in left and b.mode[i] != 0 for i, _, _ in where]
             return any(clear) and all(c or d for c, d in zip(clear, gone, strict=True))
         if all(b.mode[i] == 0 and (k == 0 or (q == 2 and i not in left)) for i, k, q in where):
