@@ -24,7 +24,7 @@ from filippov.solving.state.point import Point
 CLEAR = 1e-6
 BALANCED = 1e-10
 # Of what the signs make of a rate: what is left of one that vanishes where the end of sliding was located.
-LOCATED = 2e-7
+LOCATED = 1e-7
 # The same where it is rounding, of the terms of the rate and of what the signs make of it.
 ROUNDING, AT_END = 16 * float(np.finfo(float).eps), 3e-13
 OPEN = 1e299
@@ -230,13 +230,10 @@ def leaves(
         size = _size(point, i, g, gt)
         raw = point.machine.rate(i, g, velocity) + float(gt[i])
         rate = raw if np.isfinite(raw) else None
-        speed, located = point.terms(i, mode), AT_END * point.reach(i, mode)
-        if i in tangent and i not in point.resting:
-            # Multipliers that stand at their ends, as `nearness` says, and the rates beyond them are one.
-            component = point.machine.component
-            left = [j for j in free if j in tangent and component[j] == component[i]]
-            located = LOCATED * float(np.nansum(point.moves([i], left, mode)))
-        level = rate is not None and abs(rate) <= max(located, ROUNDING * speed)
+        speed, moved = point.terms(i, mode), point.reach(i, mode)
+        # A multiplier that stands at its end, as `nearness` says, and the rate of the mode beyond it are one.
+        located = LOCATED if i in tangent and i not in point.resting else AT_END
+        level = rate is not None and abs(rate) <= max(located * moved, ROUNDING * speed)
         # Where the solution of this very mode came back to its surface, rounding has decided; backwards the
         # run is put on the place where the rate vanishes.
         same = i in point.back and i not in point.along and np.array_equal(point.base, mode)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -75,22 +75,19 @@ class Point:
         if (i, held) not in self.reaches:
             component = self.machine.component
             group = [j for j in self.reached if component[j] == component[i]]
-            for k, moved in zip({i, *group}, self.moves({i, *group}, group, mode), strict=True):
-                self.reaches[k, held] = float(np.nansum(moved))
+            g, _ = self.gradients(mode)
+            g = np.where(np.isfinite(g), g, 0.0)
+            signs = np.where(mode == 0.0, 1.0, mode)
+            effects = []
+            for j in group:
+                signs[j] = -signs[j]
+                effects.append(self.rhs(signs, mode))
+                signs[j] = -signs[j]
+            base = self.rhs(signs, mode)
+            for k in {i, *group}:
+                change = [abs(self.machine.rate(k, g, effect - base)) for effect in effects]
+                self.reaches[k, held] = float(np.nansum(change))
         return self.reaches[i, held]
-
-    def moves(self, surfaces: Iterable[int], signs_of: Iterable[int], mode: Array) -> Array:
-        """By how much each of some signs moves the rate of each of some surfaces, one per row."""
-        g, _ = self.gradients(mode)
-        g = np.where(np.isfinite(g), g, 0.0)
-        signs = np.where(mode == 0.0, 1.0, mode)
-        base, effects = self.rhs(signs, mode), []
-        for j in signs_of:
-            signs[j] = -signs[j]
-            effects.append(self.rhs(signs, mode))
-            signs[j] = -signs[j]
-        rate = self.machine.rate
-        return np.array([[abs(rate(k, g, effect - base)) for effect in effects] for k in surfaces])
 
     def terms(self, i: int, mode: Array) -> float:
         """Size of the terms that the rate of surface i is a sum of: what rounding in it is measured by.
