@@ -115,12 +115,14 @@ def faded(run: Run, close: float = CLOSE) -> list[int]:
     """The surfaces through an equilibrium of all fields beside it, to which the run has come; [] if none.
 
     Each of the fields attracts, and the run cannot be told from the equilibrium by so many tolerances: where
-    it goes is rounding. The run is moved onto the surfaces.
+    it goes is rounding. The run is moved onto the surfaces. A field that is not Lipschitz may get there, and
+    its arrival is an event.
     """
     slack = close * (run.atol + run.options.rtol * np.abs(run.x))
     near, machine = near_within(run, run.x, slack, run.mode), run.machine
     able = 0 < len(near) <= LARGEST_CORNER and not any(machine.resets_from[i] for i in near)
-    able = able and run.direction > 0 and not _depends_on_time(machine.system)
+    able = able and run.direction > 0 and not machine.constants["NON_LIPSCHITZ"]
+    able = able and not _depends_on_time(machine.system)
     if not able or np.all(np.abs(run.begun - run.x) <= FAR * slack):
         return []
     corner, moves = np.where(run.mode == 0.0, 1.0, run.mode), np.diag(FAR * slack)
