@@ -175,6 +175,22 @@ def test_15_5_what_an_equality_holds_is_the_radius_too(test: str, tmp_path: Path
     assert "the System says so by a radius" in found.of("equality")[0].sentence
 
 
+def test_15_5_a_limited_load_keeps_the_limit_at_rest() -> None:
+    """The effort of a controller that saturates acts in motion and at rest."""
+
+    def f(t: float, y: Array) -> list[float]:
+        x, v = y
+        effort = np.clip(10 * (np.sin(t) - x), -3, 3)
+        friction = np.clip(effort, -1.2, 1.2) if abs(v) < 1e-5 else 0.8 * np.sign(v)
+        return [v, effort - friction]
+
+    found = diagnose(f, (1, 0), (0, 5))
+    assert found.system is not None
+    assert [s.radius for s in found.system.surfaces if s.name == "v"] == [
+        (pytest.approx(-1.5), pytest.approx(1.5))
+    ]
+
+
 def test_15_5_a_dead_zone_of_the_plant_stays() -> None:
     """So do the rest of a relay within 0.01 of its set point, a play, a slope by hand, a step controller."""
 

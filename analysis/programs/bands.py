@@ -177,16 +177,23 @@ def _level(
     fixed = found.parameters.fixed
     for beyond, within in zip(outside, inside, strict=True):
         plus, minus = (_on_side(beyond, u, side, fixed).xreplace(place) for side in (1, -1))
-        half = sympy.simplify((plus - minus) / 2)
-        if fixed(half) == 0.0:
+        if fixed(sympy.simplify(plus - minus)) == 0.0:
             continue
-        levels: dict[float, Any] = {}
-        for leaf, path in _leaves(within.xreplace(place)):
-            ratio = sympy.simplify((leaf - (plus + minus) / 2) / half)
-            for level in [ratio] if fixed(ratio) is not None else _ends(ratio, path, found):
+        slips: dict[float, Any] = {}
+        limits: dict[float, Any] = {}
+        # What the load is made of is decided for both: a force that is limited is in motion and at rest.
+        for leaf, path in _leaves(sympy.Tuple(within.xreplace(place), plus, minus)):
+            if leaf.atoms(*STEPS, *CORNERS):
+                return None
+            rest, above, below = leaf
+            ratio = sympy.simplify((2 * rest - above - below) / (above - below))
+            known = fixed(ratio) is not None
+            for level in [ratio] if known else _ends(ratio, path, found):
                 size = fixed(level) or 0.0
-                if abs(size) > SAME and abs(abs(size) - 1.0) > SAME:
-                    levels[round(abs(size), 9)] = level if size > 0 else -level
+                # Of a load that is held nothing but where that ends is a limit.
+                if abs(size) > SAME and abs(abs(size) - 1.0) > SAME and not (known and fixed(rest) == 0.0):
+                    (slips if known else limits)[round(abs(size), 9)] = level if size > 0 else -level
+        levels = slips or limits
         if not levels:
             return sympy.S.One
         (size, level), *more = levels.items()

@@ -195,14 +195,12 @@ def diagnose(
             said = sentence or f"f and the System could be compared at {compared} random states only"
             findings.append(Finding("differs", said))
             translation = None if sentence else translation
-    corners = continuous(translation, run.t, run.y) if translation else set()
-    found = switches(translation, None, corners) if translation else ()
     if reading is not None and translation is not None:
         plain = without_bands(without_equalities(reading, f, args))
         if plain.dropped or plain.held:
             translation = translate(plain, start, span)
-            corners = continuous(translation, run.t, run.y)
-            found = switches(translation, None, corners)
+    corners = continuous(translation, run.t, run.y) if translation else set()
+    found = switches(translation, None, corners) if translation else ()
     solution = None
     if translation is not None and (found or translation.clocks):
         solution = solve(translation.system, translation.x0, span, zeno="continue", max_steps=STEPS)
