@@ -73,12 +73,13 @@ def test_a_wave_is_met_and_followed() -> None:
         assert run.x_end / [given["a"], 1] == pytest.approx([math.sin(5), low + integral], abs=close), seed
 
 
-@pytest.mark.parametrize("slope", [1e-17, 5e-18, 0.1 + 0.2 - 0.3])
-def test_a_slope_that_is_rounding_moves_no_state(slope: float) -> None:
-    """h = sin t - 1/2, beside which y weighs nothing: y' = -y goes on as it is, also off zero by rounding."""
-    timed = System({x: 1 + sign(sin(t) - 0.5 + slope * y), y: -y})
-    run = solve(timed, (0.3, 1), (0.2, 2))
-    assert run.x_end == pytest.approx([0.3 + 2 * (2 - math.pi / 6), math.exp(-1.8)], abs=1e-9)
+@pytest.mark.parametrize("slope", [1e-17, 5e-18, 0.1 + 0.2 - 0.3, 1e-15, 1e-13, 1e-10])
+@pytest.mark.parametrize("origin", [0, 0.3, 1, -40])
+def test_a_slope_that_is_rounding_moves_no_state(slope: float, origin: float) -> None:
+    """h = sin(t - origin), beside which y weighs nothing: y' = -y goes on as it is."""
+    timed = System({x: 1 + sign(sin(t - origin) + slope * y), y: -y})
+    run = solve(timed, (0.3, 1), (origin - 1, origin + 2))
+    assert run.x_end == pytest.approx([0.3 + 2 * 2, math.exp(-3)], abs=1e-9)
 
 
 def test_what_follows_the_end_of_a_run_is_not_in_it() -> None:

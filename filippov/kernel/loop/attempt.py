@@ -166,4 +166,5 @@ def shrink(run: Trajectory, failed: int) -> int:
         w.xe[j] = run.x[j]
     if WIDTH[surface] != 0.0 or run.iw.sliding > 0:
         return ARRIVED
-    return USER_ERROR if project_on(now.t, w.xe, run.p, run.m, surface, w, run.ctx) != 0 else ARRIVED
+    failed = project_on(now.t, w.xe, run.p, run.m, surface, clock.rtol, run.atol, w, run.ctx)
+    return USER_ERROR if failed != 0 else ARRIVED

@@ -35,9 +35,6 @@ from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 ASTRAY = 1e4
 # A number that is larger is none that a guard has.
 HUGE = 1e300
-# Terms of a state below so many roundings of those of the time may be none, and are where the way that they
-# lead is more than a part of the state.
-SLOPELESS, ELSEWHERE = 1e6, 1e-4
 # A rate smaller than this, relative to its terms, is rounding: the state is at rest relative to the surface.
 NO_RATE = 1e-12
 
@@ -52,21 +49,23 @@ def guard_scale(i: int, t: float, x: Vector, w: Scratch) -> float:
 
 
 @kernel
-def project_on(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, ctx: Indices) -> int:
-    """Newton steps along the gradient onto one surface."""
+def project_on(
+    t: float, x: Vector, p: Vector, m: Vector, i: int, rtol: float, atol: Vector, w: Scratch, ctx: Indices
+) -> int:  # fmt: skip
+    """Newton steps along the gradient onto one surface, where they move no state by more than it is known.
+
+    Rounding of the terms in t would: where the states weigh little beside these it leads anywhere.
+    """
     h = w.h
     for _ in range(2):
         if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, w.g, w.gt, ctx) != 0:
             return 1
         size = gradient_product(i, i, w)
-        if h[i] == 0.0 or not (0.0 < size < 1e300):
-            return 0
-        # Slopes by which the state weighs next to nothing beside the time are rounding, and lead anywhere.
-        moving, there = abs(w.gt[i] * t), 0.0
-        for j in range(N):
-            there += x[j] * x[j]
-        far = h[i] * h[i] > ELSEWHERE * ELSEWHERE * size * there
-        if far and guard_scale(i, t, x, w) - moving <= SLOPELESS * EPS * moving:
+        known = 0.0
+        for a in range(G_FIRST[i], G_FIRST[i + 1]):
+            j = G_COLUMN[a]
+            known += (rtol * abs(x[j]) + atol[j]) * abs(w.g[i * N + j])
+        if h[i] == 0.0 or not (0.0 < size < 1e300 and abs(h[i]) <= known):
             return 0
         add_gradient(i, -h[i] / size, x, w)
     return guards(t, x, p, m, h, ctx)
@@ -165,6 +164,8 @@ def land(
     slope: float,
     line: bool,
     xe: Vector,
+    rtol: float,
+    atol: Vector,
     w: Scratch,
     iw: Integers,
     ctx: Indices,
@@ -241,7 +242,7 @@ def land(
         code = NOT_CONVERGED if misses(t, length, xe, i, value, w) else 0
     if code == 0 and sound:
         if cause == ROOT and WIDTH[i] == 0.0:
-            code = project_on(t + length, xe, p, m, i, w, ctx)
+            code = project_on(t + length, xe, p, m, i, rtol, atol, w, ctx)
             value = h[i]
         if iw.sliding > 0 and project(t + length, xe, p, m, h, w, iw, ctx) != 0:
             code = 1

@@ -240,7 +240,7 @@ def land_here(run: Trajectory, slope: float) -> int:
     now = run.now
     failed, now.length, now.dense_length, now.residual = land(
         now.t, run.x, run.p, run.m, now.cause, now.surface, now.step, now.theta, slope, now.line != 0,
-        run.w.xe, run.w, run.iw, run.ctx,
+        run.w.xe, run.clock.rtol, run.atol, run.w, run.iw, run.ctx,
     )  # fmt: skip
     return failed
 

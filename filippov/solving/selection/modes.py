@@ -31,6 +31,7 @@ from filippov.solving.selection.candidate import (
     sliding_solutions,
     unfixed,
 )
+from filippov.solving.selection.continuous import continuous_mode
 from filippov.solving.selection.corner import can_slide, choices, corners, coupling, with_signs
 from filippov.solving.state.events import Mode
 from filippov.solving.state.point import Point
@@ -86,9 +87,20 @@ def successors(
     nothing slides: this happens where events follow each other into a corner at which a rate vanishes.
     """
     found = _consistent(point, base, reached, triggered)
-    if found or not triggered or any(sign == 0 for sign in base):
-        return found
-    return _consistent(replace(point, fine=True), base, reached, triggered)
+    if not found and triggered and all(base):
+        found = _consistent(replace(point, fine=True), base, reached, triggered)
+    return found or _where_continuous(point, base, reached)
+
+
+def _where_continuous(point: Point, base: Mode, reached: Sequence[int]) -> list[Successor]:
+    """What follows where no rate decides, at a corner across which the field does not jump."""
+    known = continuous_mode(point, base, reached)
+    if known is None:
+        return []
+    mode, field = known
+    order = tuple(int(i in reached) for i in range(point.machine.m))
+    signs = tuple(int(sign) for sign in mode)
+    return [Successor(signs, order, (0.0,) * len(signs), tuple(float(v) for v in field), 0.0)]
 
 
 def leading_off(
