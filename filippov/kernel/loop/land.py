@@ -97,7 +97,7 @@ def reached_before(
     """
     first, longest = -1, 0.0
     for j in range(M):
-        value, speed = m[j] * w.end[2 * j], m[j] * w.end[2 * j + 1] * w.direction
+        value, speed = m[j] * w.end[2 * j] + WIDTH[j], m[j] * w.end[2 * j + 1] * w.direction
         if value < 0.0 and speed < 0.0 and j != i and m[j] != 0.0 and order[j] != ALONG:
             if RESET_FROM[j] == 0 and (i < 0 or LINEAR[i] != 0):
                 continue
