@@ -16,6 +16,7 @@ from filippov.model.comparators.hysteresis import normalised
 from filippov.model.contact import found_contact
 from filippov.model.extract import Extractor
 from filippov.model.kinds import Kinds
+from filippov.model.levels import levelled
 from filippov.model.parameter_symbol import ParameterNamespace, ParameterSymbol
 from filippov.model.signals.input import InputSymbol, as_symbols, inputs_in
 from filippov.model.spelling import surface_name
@@ -103,6 +104,7 @@ def assemble(
                 "stands on it. Leave the radius out, or write the jump with sign(...)."
             )
         out.append(replace(declared, kind=kind))
+    form, out = levelled(form, out)
     if inputs:
         signals = {symbol: node for node, symbol in inputs.items()}
         form = form.put(signals)
