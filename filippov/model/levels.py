@@ -1,8 +1,8 @@
 """Sets wider than [-1, 1] of a sign in which the field is not affine: static friction whose load it changes.
 
 Where an acceleration changes the normal force, x'' = (F - mu N s)/(1 + mu k s). At rest s is in [lo, hi], and
-what breaks away is told by that field at lo and at hi. Sliding fields blend those at s = +-1, with a multiplier
-of their own; the ends of its set are the multipliers at which the blend is the field at lo and at hi.
+what breaks away is told by that field at lo and at hi. Sliding fields blend those at s = +-1, with a
+multiplier of their own; the ends of its set are those at which the blend is the field at lo and at hi.
 """
 
 from __future__ import annotations
