@@ -8,7 +8,7 @@ import pytest
 from bank import CASES, case, number
 from scipy.optimize import brentq
 
-from filippov import ModelError, Surface, System, UsageError, parameters, solve, states
+from filippov import ModelError, Surface, System, TimeEvent, UsageError, parameters, solve, states
 from filippov.analysis.harmonic.control_link import linear_plant, relay_loop
 from filippov.analysis.harmonic.describing_function import describing_function
 from filippov.analysis.harmonic.quasi_linear import lure
@@ -282,3 +282,57 @@ def test_the_amplitude_does_not_depend_on_how_the_width_is_written(d: float) -> 
     k = int(np.argmin(np.abs(found.amplitude - 2)))
     at = found.amplitude[k]
     assert found.gain[1, k] == pytest.approx(-4 / np.pi / at**2 * (np.sqrt(at**2 - d**2) - 1j * d), rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_cycles_close_beside_each_other_are_both_found(seed: int) -> None:
+    """1/((s + a)(s + b)(s + c)) under a relay with dead zone d: N = 4 k/(pi A) sqrt(1 - (d/A)^2), largest at
+    A = sqrt(2) d, is critical on both sides of it; the levels of the search lie 10 % apart."""
+    rng = np.random.default_rng([91, seed])
+    a, b, c = *rng.uniform(0.2, 2, 2), rng.uniform(0.2, 2) * (seed % 2)
+    d, above = 10.0 ** rng.uniform(-2, 2), 10.0 ** rng.uniform(-4, 0.5)
+    critical = (a + b) * (b + c) * (a + c)
+    k = (1 + above) * critical * math.pi * d / 2
+    x, y, z = states("x y z")
+    relay = sign(x - d) + sign(x + d)
+    loop = System({x: y - a * x, y: z - b * y, z: -c * z - k / 2 * relay})
+    found = describing_function(loop, amplitudes=(1e-3 * d, 1e3 * d)).cycles
+    # A^2 = q: critical pi/(4 k) q = sqrt(q - d^2).
+    q = np.sort(np.roots([(critical * math.pi / (4 * k)) ** 2, -1, d**2]).real)
+    assert [cycle.amplitude for cycle in found] == pytest.approx(np.sqrt(q), rel=1e-6)
+    assert [cycle.stable for cycle in found] == [False, True]
+
+
+def test_gain_of_relays_whose_hysteresis_is_not_about_the_mean() -> None:
+    """sgn(y - c) of half-width w: 4/(pi A^2) ((sqrt(A^2 - (c + w)^2) + sqrt(A^2 - (c - w)^2))/2 - j w)
+    from A = c + w on, and 0 before: inside its band it keeps the sign it had."""
+    x, v = states("x v")
+    c, w = 1.0, 0.3
+    field = {x: v, v: -v - sign(x - c) - sign(x + c)}
+    system = System(field, surfaces=[Surface("up", x - c, width=w), Surface("down", x + c, width=w)])
+    found = describing_function(system, "up", amplitudes=(0.1, 10))
+    a = found.amplitude.astype(complex)
+    roots = np.sqrt(a**2 - (c + w) ** 2) + np.sqrt(a**2 - (c - w) ** 2)
+    wanted = np.where(found.amplitude < c + w, 0, -4 / np.pi / a**2 * (roots - 2j * w))
+    assert found.gain[1] == pytest.approx(wanted, abs=1e-5)
+
+
+def test_a_cycle_is_not_stable_beside_an_eigenvalue_that_grows() -> None:
+    x, y, z, w = states("x y z w")
+    field = {x: y, y: z - y, z: -z - sign(x)}
+    for rate in (-1, 1):
+        system = System({**field, w: rate * w + x}, surfaces=[Surface("s", x)])
+        (cycle,) = describing_function(system).cycles
+        assert cycle.amplitude == pytest.approx(2 / math.pi, rel=1e-10)
+        assert cycle.stable == (rate < 0)
+
+
+def test_states_that_jump_are_refused() -> None:
+    x, y, z = states("x y z")
+    field = {x: y, y: z - y, z: -z - sign(x)}
+    reset = Surface("stop", x - 0.1, reset={y: -y}, side="-")
+    with pytest.raises(ModelError, match=r"the state jumps at surface 'stop'.*find_orbit"):
+        describing_function(System(field, surfaces=[Surface("s", x), reset]), "s")
+    kick = TimeEvent("kick", period=1, reset={y: -y})
+    with pytest.raises(ModelError, match=r"the state jumps at time event 'kick'.*find_orbit"):
+        describing_function(System(field, surfaces=[Surface("s", x)], time_events=[kick]), "s")

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from filippov import System, UsageError
 from filippov.analysis.algebra import linalg
@@ -40,7 +40,8 @@ class PredictedCycle:
 
     amplitude    of the input y; amplitudes: of every state; mean: of the input
     frequency    omega [rad/s]; period: 2 pi/omega
-    stable       whether the quasi-linear growth rate falls with the amplitude (Loeb's criterion)
+    stable       whether the quasi-linear growth rate falls with the amplitude (Loeb's criterion), and no
+                 other eigenvalue lies to the right of the axis
     distortion   size of the third harmonic that the loop would feed back to the input, divided by A: small
                  means that the assumption of a sine is consistent
     """
@@ -130,7 +131,8 @@ def describing_function(
                 have the same h up to its sign and a constant, as those of a dead zone: the first then
     amplitudes  range of A that is searched, in the units of h
 
-    Raises ModelError where the system has no form x' = A x + phi(y), UsageError for a bad range.
+    Raises ModelError where the system has no form x' = A x + phi(y) or its state jumps, UsageError for a bad
+    range.
     """
     low, high = amplitudes
     if not 0 < low < high < np.inf:
@@ -141,19 +143,13 @@ def describing_function(
     # The h of a width that depends on parameters is held in units of that width.
     unit = width_unit(system, surface, parameters)
     low, high = low / unit, high / unit
-    # A relay with hysteresis switches where the input goes through all of its band.
-    least = float(np.max(np.abs(split.widths / split.slopes), initial=0.0, where=split.widths > 0))
-    grid = np.geomspace(max(low, least * (1 + EDGE)), high, LEVELS)
+    # Before it the sign of a relay with hysteresis is that of the past.
+    grid = np.geomspace(max(low, split.least() * (1 + EDGE)), high, LEVELS)
     balance = _Balance(split)
     spectra = [balance.spectrum(amplitude) for amplitude in grid]
     gain: ComplexArray = np.array([balance.gain(amplitude) / unit for amplitude in grid]).T
-    cycles = []
-    for k, values in enumerate(spectra):
-        for value in values[_sides(values) != 0]:
-            passed, side = _next_side(value, spectra[k + 1 : k + 3])
-            cycle = balance.cycle(grid[k], grid[k + passed], value) if side * value.real < 0 else None
-            if cycle is not None:
-                cycles.append(cycle)
+    found = (balance.cycle(low, high) for low, high in balance.brackets(grid))
+    cycles = sorted((cycle for cycle in found if cycle is not None), key=lambda cycle: cycle.amplitude)
     growth = np.full(grid.size, np.nan)
     frequency = np.full(grid.size, np.nan)
     for k, values in enumerate(spectra):
@@ -183,17 +179,6 @@ def _labels(system: System, surface: str) -> dict[str, str]:
 def _sides(values: ComplexArray) -> npt.NDArray[np.int64]:
     """The signs of the real parts, 0 where these are rounding."""
     return np.where(np.abs(values.real) > ON_AXIS * np.abs(values), np.sign(values.real), 0).astype(np.int64)
-
-
-def _next_side(value: complex, spectra: Sequence[ComplexArray]) -> tuple[int, int]:
-    """How many levels on the eigenvalue that follows is off the axis, and its side; 0 where none is."""
-    for passed, values in enumerate(spectra, 1):
-        if not values.size:
-            break
-        value = values[np.argmin(np.abs(values - value))]
-        if side := int(_sides(np.array(value))):
-            return passed, side
-    return 1, 0
 
 
 def _runs(grid: Array, on: Sequence[bool], least: int = 2) -> tuple[tuple[float, float], ...]:
@@ -252,6 +237,7 @@ class _Balance:
         away = amplitude * np.concatenate([np.linspace(0.0, 1.0, 11), np.geomspace(1.2, 1e6, 13)])
         points = np.unique(np.concatenate([guess + side * away for guess in guesses for side in (-1, 1)]))
         values = np.array([condition(point) for point in points])
+        points, values = points[np.isfinite(values)], values[np.isfinite(values)]
         found = [
             float(brentq(condition, points[k], points[k + 1], xtol=1e-15 * amplitude, rtol=1e-14))
             for k in np.flatnonzero(np.sign(values[:-1]) != np.sign(values[1:]))
@@ -278,29 +264,95 @@ class _Balance:
         size = np.max(np.abs(values), initial=0.0)
         return np.asarray(values[values.imag > 1e-9 * size])
 
-    def cycle(self, low: float, high: float, near: complex) -> PredictedCycle | None:
-        """The amplitude between two at which the eigenvalue followed from `near` is on the axis."""
-        followed = {"last": near}
+    def side(self, amplitude: float) -> tuple[float, int]:
+        """What changes its sign where a pair passes the axis, and how many pairs are on it to rounding.
+
+        It is the sign of the product of all sums of two eigenvalues (real, as those of conjugates are), times
+        |Re|/|lambda| of the oscillating eigenvalue next to the axis; nan without a mean.
+        """
+        if not np.isfinite(self.mean(amplitude)):
+            return float("nan"), 0
+        # Of a complex gain, as under hysteresis, the eigenvalues in the upper half belong to real solutions.
+        swings = self.spectrum(amplitude)
+        values = linalg.eigvals(self.matrix(amplitude))
+        real = values[np.abs(values.imag) <= 1e-9 * np.max(np.abs(values), initial=0.0)].real
+        values = np.concatenate([swings, np.conj(swings), real])
+        first, second = np.triu_indices(values.size, 1)
+        sums, sizes = values[first] + values[second], np.abs(values[first]) + np.abs(values[second])
+        away = np.abs(sums) > ON_AXIS * sizes
+        turn = float(np.prod(sums[away] / np.abs(sums[away])).real)
+        on = _sides(swings) == 0
+        parts = np.abs(swings.real) / np.abs(swings)
+        return float(np.sign(turn) * np.min(parts[~on], initial=1.0)), int(np.sum(on))
+
+    def brackets(self, grid: Array) -> list[tuple[float, float]]:
+        """Intervals of amplitudes in which a pair may pass the axis once.
+
+        The grid is refined where the input reaches a cut, since the gain has a kink there, and where a pair
+        comes near the axis and goes back, since two cycles may lie there between neighbours.
+        """
+        levels = set(grid.tolist())
+        means = np.array([self.mean(size) for size in grid])
+        for cut in self.split.cuts:
+            past = grid - np.abs(cut - means)
+            for k in np.flatnonzero(past[:-1] * past[1:] < 0):
+                part = past[k] / (past[k] - past[k + 1])
+                reached = float(grid[k] + part * (grid[k + 1] - grid[k]))
+                levels |= {reached * (1 + step) for step in (-EDGE, EDGE, 1e-4, 1e-2)}
+        tried = sorted(size for size in levels if size <= grid[-1])
+        sides, on = zip(*map(self.side, tried), strict=True)
+        # A level that happens to be that of a cycle.
+        hit = [0 < k < len(on) - 1 and on[k] > max(on[k - 1], on[k + 1]) for k in range(len(on))]
+        at, side = np.array(tried)[~np.array(hit)], np.array(sides)[~np.array(hit)]
+        found = [(at[k], at[k + 1]) for k in np.flatnonzero(side[:-1] * side[1:] < 0)]
+        for j in range(1, at.size - 1):
+            near, sign = np.abs(side[j - 1 : j + 2]), float(np.sign(side[j]))
+            if np.all(np.sign(side[j - 1 : j + 2]) == sign) and near[1] <= min(near[0], near[2]) < 1:
+                ends = np.log(at[[j - 1, j + 1]])
+                least = minimize_scalar(
+                    lambda q, sign=sign: sign * self.side(float(np.exp(q)))[0], bounds=ends, method="bounded",
+                    options={"xatol": 1e-9},
+                )  # fmt: skip
+                middle = float(np.exp(least.x))
+                found += [(at[j - 1], middle), (middle, at[j + 1])] if least.fun < 0 else []
+        return [(float(a), float(b)) for a, b in found]
+
+    def cycle(self, low: float, high: float) -> PredictedCycle | None:
+        """The amplitude between two at which one pair passes the axis; None where it does not."""
+
+        def side(amplitude: float) -> float:
+            # No mean counts as a root: nothing oscillates there.
+            return float(np.nan_to_num(self.side(amplitude)[0]))
+
+        near = float(brentq(side, low, high, xtol=1e-9 * low, rtol=1e-9))
+        swings = self.spectrum(near)
+        if not swings.size:
+            return None
+        pair = swings[np.argmin(np.abs(swings.real) / np.abs(swings))]
+
+        def followed(amplitude: float) -> complex:
+            values = linalg.eigvals(self.matrix(amplitude))
+            return complex(values[np.argmin(np.abs(values - pair))])
 
         def rate(amplitude: float) -> float:
-            values = self.spectrum(amplitude)
-            if not values.size:
-                return float("nan")
-            followed["last"] = values[np.argmin(np.abs(values - followed["last"]))]
-            return float(followed["last"].real)
+            return followed(amplitude).real
 
-        at_low, at_high = rate(low), rate(high)
-        if not at_low * at_high <= 0:
+        low, high = near + 0.1 * (low - near), near + 0.1 * (high - near)
+        if abs(pair.real) > 1e-6 * abs(pair) or not all(np.isfinite([self.mean(low), self.mean(high)])):
             return None
-        amplitude = low if at_low == 0.0 else float(brentq(rate, low, high, xtol=1e-13 * high, rtol=1e-14))
+        sides = _sides(np.array([followed(low), followed(high)]))
+        if sides[0] * sides[1] >= 0:
+            return None
+        amplitude = float(brentq(rate, low, high, xtol=1e-13 * high, rtol=1e-14))
         values, vectors = linalg.eig(self.matrix(amplitude))
-        k = int(np.argmin(np.abs(values - followed["last"])))
+        k = int(np.argmin(np.abs(values - followed(amplitude))))
         omega = float(values[k].imag)
         vector = vectors[:, k] / (self.split.row @ vectors[:, k])
+        others = _sides(np.delete(values, [k, int(np.argmin(np.abs(values - np.conj(values[k]))))]))
         return PredictedCycle(
             amplitude,
             omega,
-            at_low > at_high,
+            bool(sides[0] > sides[1] and np.all(others <= 0)),
             self.mean(amplitude),
             tuple(float(v) for v in amplitude * np.abs(vector)),
             self._distortion(amplitude, omega),

@@ -33,7 +33,7 @@ class Lure:
     phi      function (y, s) -> (n, k) of inputs y, shape (k,), and of signs s, shape (m, k)
     h        function y -> (m, k): the switching functions
     cuts     the inputs at which one of them is 0, or at an edge of its hysteresis
-    widths   half width of the hysteresis of every surface; slopes: dh_i/dy where it has one, else NaN
+    widths   half width of the hysteresis of every surface
     """
 
     states: tuple[str, ...]
@@ -44,13 +44,26 @@ class Lure:
     h: Callable[[Array], Array]
     cuts: tuple[float, ...]
     widths: Array
-    slopes: Array
 
-    def signs(self, theta: Array, y: Array) -> Array:
-        """The signs along y = mean + amplitude sin(theta), shape (m, k); hysteresis goes by the direction."""
-        rising = np.multiply.outer(np.nan_to_num(self.slopes), np.cos(theta)) > 0
-        edge = np.where(rising, 1.0, -1.0) * self.widths[:, None]
-        return np.where(self.h(y) > edge, 1.0, -1.0)
+    def signs(self, y: Array) -> Array:
+        """The signs along one period of inputs in order of time, shape (m, k).
+
+        Inside its hysteresis a surface keeps the sign it had last; NaN where the period never leaves it.
+        """
+        h = self.h(y)
+        signs = np.where(h > 0, 1.0, -1.0)
+        for i in np.flatnonzero(self.widths):
+            (outside,) = np.nonzero(np.abs(h[i]) > self.widths[i])
+            last = np.searchsorted(outside, np.arange(y.size), side="right") - 1
+            signs[i] = signs[i, outside[last]] if outside.size else np.nan
+        return signs
+
+    def least(self) -> float:
+        """The amplitude about the offset from which on every surface leaves its hysteresis."""
+        away = np.unique(np.abs(np.append(self.cuts, self.offset) - self.offset))
+        sizes = np.maximum(np.abs(self.h(self.offset + away)), np.abs(self.h(self.offset - away)))
+        left = sizes >= self.widths[:, None] * (1 - 1e-9)
+        return float(np.max(away[np.argmax(np.maximum.accumulate(left, axis=1), axis=1)], initial=0.0))
 
     def harmonic(self, mean: float, amplitude: float, order: int = 1) -> ComplexArray:
         """Harmonic `order` of phi along y = mean + amplitude sin(theta), as a multiple of sin: shape (n,).
@@ -61,7 +74,7 @@ class Lure:
         edges = self._edges(mean, amplitude)
         theta, weight = _nodes(edges)
         y = mean + amplitude * np.sin(theta)
-        values = self.phi(y, self.signs(theta, y))
+        values = self.phi(y, self.signs(y))
         if order == 0:
             return (values @ weight / (2 * np.pi)).astype(complex)
         wave = np.sin(order * theta) + 1j * np.cos(order * theta)
@@ -95,11 +108,19 @@ def lure(system: System, surface: str, parameters: Mapping[str, float] | None = 
 
     surface   the surface whose h, affine in the states, is the input y
 
-    Raises ModelError for plain functions, explicit time, an h that is not affine, and terms of other inputs.
+    Raises ModelError for plain functions, explicit time, an h that is not affine, terms of other inputs, and
+    states that jump.
     """
     form = system.symbolic
     if form is None:
         raise ModelError("a describing function needs a system written as expressions, not plain functions.")
+    jumps = [f"surface {q.name!r}" for q in system.surfaces if q.reset is not None]
+    jumps += [f"time event {q.name!r}" for q in system.time_events]
+    if jumps:
+        raise ModelError(
+            f"the state jumps at {' and '.join(jumps)}, so it is no sine, and no describing function "
+            "is defined. Find its cycles with find_orbit."
+        )
     values = dict(zip(form.p, (sympy.Float(v) for v in system.parameters.resolve(parameters)), strict=True))
     index = system.surface_index(surface)
     h = [e.xreplace(values) for e in form.h]
@@ -137,7 +158,7 @@ def lure(system: System, surface: str, parameters: Mapping[str, float] | None = 
             matrix[i] += float(slope) * row
             bare = sympy.expand(bare - slope * (y - offset))
         rest.append(bare)
-    guard, cuts, slopes = _switches(system, [sympy.expand(g.xreplace(inside)) for g in h], y)
+    guard, cuts = _switches(system, [sympy.expand(g.xreplace(inside)) for g in h], y)
     function = sympy.lambdify([y, form.s, form.a], [_closed(e) for e in rest], "numpy")
 
     def evaluate(inputs: Array, signs: Array) -> Array:
@@ -147,7 +168,7 @@ def lure(system: System, surface: str, parameters: Mapping[str, float] | None = 
         return np.array([np.broadcast_to(np.asarray(r, dtype=float), inputs.shape) for r in rows])
 
     widths = np.array([surface.width for surface in system.surfaces])
-    return Lure(system.states, matrix, row, offset, evaluate, guard, cuts, widths, slopes)
+    return Lure(system.states, matrix, row, offset, evaluate, guard, cuts, widths)
 
 
 def shared_input(system: System, parameters: Mapping[str, float] | None) -> str:
@@ -185,8 +206,8 @@ def width_unit(system: System, surface: str, parameters: Mapping[str, float] | N
 
 def _switches(
     system: System, h: list[Expr], y: Symbol
-) -> tuple[Callable[[Array], Array], tuple[float, ...], Array]:
-    """The switching functions of the input, the inputs at which one switches, and their slopes."""
+) -> tuple[Callable[[Array], Array], tuple[float, ...]]:
+    """The switching functions of the input, and the inputs at which one switches."""
     assert system.symbolic is not None
     sizes = system.symbolic.a
     functions = []
@@ -205,7 +226,6 @@ def _switches(
         return values
 
     cuts: list[float] = []
-    slopes = np.full(len(h), np.nan)
     for i, surface in enumerate(system.surfaces):
         ends = [min(cuts, default=0.0) - 1.0, *sorted(cuts), max(cuts, default=0.0) + 1.0]
         found = []
@@ -217,13 +237,12 @@ def _switches(
                 raise ModelError(
                     f"surface {surface.name!r}: h = {h[i]} is no piecewise affine function of the input."
                 )
-            slopes[i] = slope if k == 0 or slope == slopes[i] else np.nan
             for level in {surface.width, -surface.width}:
                 at = points[1] + (level - middle) / slope if slope else np.nan
                 inside = (at > low or k == 0) and (at < high or k == len(ends) - 2)
                 found += [float(at)] if inside and np.isfinite(at) else []
         cuts += found
-    return guard, tuple(sorted(set(cuts))), slopes
+    return guard, tuple(sorted(set(cuts)))
 
 
 def _closed(e: Expr) -> Expr:
