@@ -89,6 +89,39 @@ def test_friction_curve() -> None:
 
 
 @pytest.mark.parametrize(
+    ("speeds", "free", "lost"),
+    [
+        ([0.5, -0.5], ["Fc", "b"], ["Fc", "b"]),  # Fc + b/2 alone
+        ([0.5, -0.5, 0.8], ["Fc", "b", "vs"], ["Fc", "b", "vs"]),  # two forces, three parameters
+        ([2, 3, 5], ["Fc", "b", "Fs"], ["Fs"]),  # exp(-400)
+        ([0.01, 0.05, 0.5, 2], ["Fc", "b", "Fs"], []),
+        ([0.01, 0.05, 0.5, 2], ["Fc", "b", "m"], ["m"]),
+    ],
+)
+def test_what_a_curve_does_not_determine_has_no_interval(
+    speeds: list[float], free: list[str], lost: list[str]
+) -> None:
+    """By the rank of dF/dp at the speeds, of F = Fc + (Fs - Fc) exp(-(v/vs)^2) + b v."""
+    v = np.repeat(speeds, 12)
+    force = np.sign(v) * (2 + 2 * np.exp(-((v / 0.1) ** 2))) + v
+    noise = 0.02 * np.random.default_rng(1).standard_normal(v.size)
+    got = identify_curve(Curve(v, force + noise), driven_mass(), free, fixed={"beta": 2})
+    assert [name for name in free if got.errors[name] == np.inf] == lost
+    assert all(np.isfinite(got.intervals[name]).all() == (name not in lost) for name in free)
+    assert got.success == (not lost)
+    assert got.message.startswith(f"the data do not determine {', '.join(lost)}: ") == bool(lost)
+
+
+def test_what_a_record_does_not_determine_has_no_interval() -> None:
+    """A mass that rests under a force below Fs tells nothing of friction."""
+    t = np.linspace(0, 4, 201)
+    noise = 1e-5 * np.random.default_rng(2).standard_normal(t.size)
+    got = identify(Record(t, 0.1 + noise, np.sin(t)), driven_mass(), ["Fc", "b"], windows=1)
+    assert not got.success
+    assert all(got.errors[name] == np.inf for name in ("Fc", "b"))
+
+
+@pytest.mark.parametrize(
     ("text", "said"),
     [
         ("t,x\n" + "0,1\n" * 9, r"no column u \(or force\)"),

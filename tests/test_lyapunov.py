@@ -101,3 +101,13 @@ def test_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert {path.name for path in tmp_path.iterdir()} == names
     assert main(["lyapunov", "buck_pwm", "--duration", "1"]) == 2
     assert main(["diagram", "hunting"]) == 2
+
+
+@pytest.mark.parametrize("interval", [0.5, 1.0, 2.0])
+def test_intervals_that_graze_count_in_neither_growth_nor_time(interval: float) -> None:
+    """x' = -0.3 x beside an oscillator that touches a surface in every period: the sum is -0.3."""
+    x, u, v = states("x u v")
+    system = System({x: -0.3 * x, u: v, v: 0.2 * (1 + sign(u - 1)) - u}, surfaces=[Surface("wall", u - 1)])
+    found = lyapunov(system, (1, 1, 0), 100, interval=interval)
+    assert found.skipped >= 3
+    assert np.sum(found.exponents) == pytest.approx(-0.3, abs=1e-8)

@@ -19,6 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy.stats import t as student
 
 from filippov import System, UsageError
@@ -27,7 +28,7 @@ from filippov.analysis.estimation.driven_run import INPUT
 from filippov.analysis.estimation.identify_fit import Fit, Fitting
 from filippov.analysis.estimation.misfit import DOUBTED, Test, misfit_tests, refusal, widened
 from filippov.analysis.estimation.record import Record
-from filippov.analysis.estimation.residual_noise import degrees_of_freedom, generalised
+from filippov.analysis.estimation.residual_noise import degrees_of_freedom, generalised, undetermined
 from filippov.base.arrays import Array
 from filippov.base.escape import figure_text
 from filippov.base.given import Count, Positive, Values
@@ -47,7 +48,8 @@ class Identified(Told):
     t, measured, fitted, residual   the record and the fit (for a curve: v, force, fit, misfit)
     sigma        standard deviation of the residuals; of a record: of the noise on the position
     degrees      degrees of freedom of the residuals
-    success, message   whether the minimisation converged and the law was not refused; a sentence
+    success, message   whether the minimisation converged, the law was not refused and the data determine
+                 every parameter; a sentence. What they do not determine has infinite errors
     hold         the force model between samples that was used; rho: correlation of the noise from sample to
                  sample
     tests        p of each test of the residuals, by what they must not depend on
@@ -168,9 +170,10 @@ def _identified(
     """The result of a fit: intervals, none where a test refuses the law, wider ones where one doubts it."""
     p, windows, noise = len(names), fit.linear.windows, fit.noise
     covariance = generalised(windows, noise.sigma, noise.rho, noise.kappa).covariance[:p, :p]
-    jacobian = np.vstack([w.jacobian[:, :p] for w in windows])
-    covariance[:, np.linalg.norm(jacobian, axis=0) == 0] = np.inf
-    covariance[np.linalg.norm(jacobian, axis=0) == 0] = np.inf
+    root = generalised(windows, noise.sigma, noise.rho, noise.kappa).root
+    lost = undetermined(root)[:p]
+    covariance[:, lost] = np.inf
+    covariance[lost] = np.inf
     errors = np.sqrt(np.diag(covariance))
     refused = refusal(fit, tests, record.x)
     low, high = np.full(p, np.inf), np.full(p, -np.inf)
@@ -181,6 +184,7 @@ def _identified(
     if refused or not fit.success:
         low, high, errors = np.full(p, -np.inf), np.full(p, np.inf), np.full(p, np.inf)
         covariance = np.full((p, p), np.inf)
+    told = not_told(names, lost)
     values = {name: float(v) for name, v in zip(names, fit.theta, strict=False)}
     ends = zip(fit.theta[:p] + low, fit.theta[:p] + high, strict=True)
     fitted = np.concatenate([m.x for m in fit.linear.trajectories])
@@ -188,7 +192,7 @@ def _identified(
         values, dict(zip(names, errors.tolist(), strict=True)),
         {name: (float(a), float(b)) for name, (a, b) in zip(names, ends, strict=True)},
         covariance, level, record.t, record.x, fitted, noise.sigma, len(record.t) - len(fit.theta),
-        fit.success and not refused, refused or fit.message, hold, noise.rho,
+        fit.success and not refused and not told, refused or told or fit.message, hold, noise.rho,
         {q.name: q.p for q in tests}, refused,
     )  # fmt: skip
 
@@ -228,15 +232,30 @@ def estimate(
     p = len(names)
     covariance = variance * inverse[:p, :p]
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    errors[np.linalg.norm(jacobian[:, :p], axis=0) == 0] = np.inf
+    lost = undetermined(jacobian)[:p]
+    errors[lost] = np.inf
     width = float(student.ppf(0.5 + 0.5 * level, degrees)) * errors
+    told = not_told(names, lost)
     values = {name: float(v) for name, v in zip(names, theta, strict=False)}
     return Identified(
         values,
         dict(zip(names, errors.tolist(), strict=True)),
         {n: (values[n] - float(w), values[n] + float(w)) for n, w in zip(names, width, strict=True)},
-        covariance, level, t, measured, fitted, float(np.sqrt(variance)), degrees, success, message,
+        covariance, level, t, measured, fitted, float(np.sqrt(variance)), degrees, success and not told,
+        told or message,
     )  # fmt: skip
+
+
+def not_told(names: Sequence[str], lost: npt.NDArray[np.bool_]) -> str:
+    """The sentence about parameters that the data do not determine, "" without any."""
+    left = [name for name, there in zip(names, lost, strict=True) if there]
+    if not left:
+        return ""
+    alone = "it" if len(left) == 1 else "each of them by itself"
+    return (
+        f"the data do not determine {', '.join(left)}: other values fit as well. Give data that depend on "
+        f"{alone}, or a value with fixed={{{left[0]!r}: ...}}."
+    )
 
 
 def check_names(

@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import minimize
 
 from filippov.analysis.algebra import linalg
@@ -22,6 +23,8 @@ from filippov.base.arrays import Array
 
 # Largest correlation from sample to sample that is distinguished from a drift.
 LARGEST = 0.998
+# Singular value, of columns of length 1, that differences of the model leave of 0.
+UNSEEN = 1e-7
 
 
 @dataclass(frozen=True)
@@ -216,6 +219,13 @@ def degrees_of_freedom(windows: Sequence[Window], noise: Noise, places: Sequence
     spread = np.einsum("qj,qr,rj->j", g, inverse, g)
     total = sum(len(w.residual) for w in windows) - windows[0].jacobian.shape[1]
     return np.asarray(np.clip(2 * here**2 / np.maximum(spread, 1e-300), 2.0, total))
+
+
+def undetermined(rows: Array) -> npt.NDArray[np.bool_]:
+    """Which unknowns take part in a combination that the rows, (k, q) with k >= q, do not depend on."""
+    size = np.linalg.norm(rows, axis=0)
+    _, s, axes = linalg.svd(rows / np.where(size > 0, size, 1.0), full_matrices=False)
+    return np.asarray(np.any(np.abs(axes[s <= UNSEEN * s[0]]) > 1e-5, axis=0))
 
 
 def triangle(rows: Array) -> Array:

@@ -103,7 +103,7 @@ def lyapunov(
             )
     carried = CarriedBasis(np.linalg.qr(np.random.default_rng(0).standard_normal((n, k)))[0])
     logs: list[Array] = []
-    times = [t]
+    times, lengths = [t], []
     skipped, end, interrupted = 0, t + duration, False
     count = 1
     try:
@@ -124,6 +124,7 @@ def lyapunov(
                 else:
                     logs.append(growth)
                     times.append(stop)
+                    lengths.append(stop - t)
                 t = stop
                 if progress is not None:
                     progress(t, end)
@@ -137,8 +138,8 @@ def lyapunov(
     if not logs:
         raise UsageError(f"no interval could be used: {message or 'all of them graze a surface'}")
     first = len(logs) // 10
-    table, times = np.array(logs[first:]), times[first:]
-    spans = np.diff(times)
+    # An interval that was skipped adds neither growth nor time.
+    table, times, spans = np.array(logs[first:]), times[first:], np.array(lengths[first:])
     running = np.cumsum(table, axis=0) / np.cumsum(spans)[:, None]
     named = {"t": f"time that the estimate rests on{time_unit(system)}",
              "exponents": f"Lyapunov exponents{time_unit(system, '1/')}"}  # fmt: skip
