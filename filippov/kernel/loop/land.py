@@ -35,6 +35,8 @@ from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 ASTRAY = 1e4
 # A number that is larger is none that a guard has.
 HUGE = 1e300
+# The part of the states in the rate of a guard that time moves.
+TIMED = 1e-3
 # A rate smaller than this, relative to its terms, is rounding: the state is at rest relative to the surface.
 NO_RATE = 1e-12
 
@@ -52,20 +54,24 @@ def guard_scale(i: int, t: float, x: Vector, w: Scratch) -> float:
 def project_on(
     t: float, x: Vector, p: Vector, m: Vector, i: int, rtol: float, atol: Vector, w: Scratch, ctx: Indices
 ) -> int:  # fmt: skip
-    """Newton steps along the gradient onto one surface, where they move no state by more than it is known.
+    """Newton steps along the gradient onto one surface; w.f is the field there.
 
-    Rounding of the terms in t would: where the states weigh little beside these it leads anywhere.
+    Where time moves h and the states next to nothing, rounding of its terms in t would lead anywhere: these
+    move no state by more than it is known.
     """
     h = w.h
     for _ in range(2):
         if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, w.g, w.gt, ctx) != 0:
             return 1
         size = gradient_product(i, i, w)
-        known = 0.0
+        if h[i] == 0.0 or not (0.0 < size < 1e300):
+            return 0
+        known, moved = 0.0, 0.0
         for a in range(G_FIRST[i], G_FIRST[i + 1]):
             j = G_COLUMN[a]
             known += (rtol * abs(x[j]) + atol[j]) * abs(w.g[i * N + j])
-        if h[i] == 0.0 or not (0.0 < size < 1e300 and abs(h[i]) <= known):
+            moved += abs(w.g[i * N + j] * w.f[j])
+        if abs(h[i]) > known and moved <= TIMED * abs(w.gt[i]):
             return 0
         add_gradient(i, -h[i] / size, x, w)
     return guards(t, x, p, m, h, ctx)
@@ -153,23 +159,9 @@ def misses(t: float, length: float, xe: Vector, i: int, value: float, w: Scratch
 
 @kernel
 def land(
-    t: float,
-    x: Vector,
-    p: Vector,
-    m: Vector,
-    cause: int,
-    i: int,
-    step: float,
-    theta: float,
-    slope: float,
-    line: bool,
-    xe: Vector,
-    rtol: float,
-    atol: Vector,
-    w: Scratch,
-    iw: Integers,
-    ctx: Indices,
-) -> tuple[int, float, float, float]:
+    t: float, x: Vector, p: Vector, m: Vector, cause: int, i: int, step: float, theta: float, slope: float,
+    line: bool, xe: Vector, rtol: float, atol: Vector, w: Scratch, iw: Integers, ctx: Indices,
+) -> tuple[int, float, float, float]:  # fmt: skip
     """Step from (t, x) to the event on surface i near theta; its state goes to xe.
 
     Where that is corrected after the last step of the method, the end of this step goes to w.xd.

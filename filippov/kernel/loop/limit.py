@@ -20,8 +20,6 @@ from filippov.kernel.tables.layout import EPS
 GLOBAL = 4.0
 # The largest relative change of a state by an impact at rest: beyond it there is no limit.
 KEPT = 1e-6
-# A limit is an estimate, and is put on its surface from anywhere near, in parts of the states.
-NEARLY = 1.0
 # The accuracy of a guard between impacts, in roundings of its terms.
 ROUNDINGS = 16.0
 
@@ -183,7 +181,7 @@ def limit_of(run: Trajectory, i: int) -> int:
     if past.law[6] > 1.0 and distant(clock.t, clock.t_start, left, past.law[2], speed, scale, 0.0) != 0:
         return NONE
     code = fall(run, t, y, past.bend)
-    code = max(code, project_on(t, y, run.p, m, i, NEARLY, run.atol, w, run.ctx))
+    code = max(code, project_on(t, y, run.p, m, i, clock.rtol, run.atol, w, run.ctx))
     code = max(code, still_on(t, y, run.p, m, i, w, run.ctx))
     code = max(code, field(clock.t, y, run.p, m, w.f, w, run.iw, run.ctx))
     if code != 0 or not finite(y, N):
