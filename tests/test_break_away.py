@@ -60,3 +60,12 @@ def test_u1_who_slips_at_break_away_is_the_limit_of_levels_beside_it(n: int, cha
             error = np.max(np.abs(run.x_end[: 2 * n] - near[0].x_end))
             assert error < gap + (2e-3 if kind else 1e-8), (seed, kind)
     assert compared > SEEDS // 2
+
+
+def test_15_1_levels_in_which_the_states_weigh_nothing_move_no_state() -> None:
+    """At rest, with all three at break-away, a level of Switch depends on time; its slope is rounding."""
+    exact, start = held(3, True, np.random.default_rng(3005))
+    known = solve(exact, start, (0, 1), **OPTIONS)
+    run = solve(exact.with_comparator(Switch(1e-6)), start, (0, 1), **OPTIONS)
+    assert run.success, run.message
+    assert run.x_end == pytest.approx(known.x_end, abs=1e-5)

@@ -2,8 +2,8 @@
 
 Kinks, and levels at which one expression takes over from another, may meet in numbers: each mode then has a
 region that may be empty, and the rates of one mode say nothing beside it. Where the field has one value in
-all regions around the point the solution is unique (Picard-Lindelof), and is followed for two short steps;
-the signs of what it has left are the mode.
+all regions around the point the solution is unique (Picard-Lindelof), and is followed for short steps until
+two agree: the signs of what it has left are the mode, h = c tau^k gives the order k.
 """
 
 from __future__ import annotations
@@ -18,11 +18,13 @@ from filippov.solving.state.point import Point
 
 # States drawn around the point, at this part of the size of each; fields that differ by rounding, in terms.
 DRAWN, NEAR, SAME = 64, 1e-6, 1e-10
-PARTS, SHORTER, LENGTHS = 16, 4.0, 6
+PARTS, SHORTER, LENGTHS = 16, 4.0, 14
 
 
-def continuous_mode(point: Point, base: Mode, reached: Sequence[int]) -> tuple[Array, Array] | None:
-    """The mode that follows and its field; None where the field may jump, or no two steps agree.
+def continuous_mode(point: Point, base: Mode, reached: Sequence[int]) -> tuple[Array, list[int]] | None:
+    """The mode that follows, and how often each guard reached vanishes along it.
+
+    None where the field may jump, or no two steps agree.
 
     Formulas only: plain functions need have no values beside the point.
     """
@@ -40,12 +42,18 @@ def continuous_mode(point: Point, base: Mode, reached: Sequence[int]) -> tuple[A
               for _ in range(DRAWN)]  # fmt: skip
     if any(np.any(np.abs(point.rhs(mode, mode) - field) > small) for mode in around):
         return None
-    before: Array | None = None
+    seen: list[tuple[Array, Array] | None] = [None]
     for length in range(LENGTHS):
-        mode = _followed(point, start, reached, point.step / SHORTER**length)
-        if mode is not None and before is not None and np.array_equal(mode, before):
-            return mode, point.rhs(mode, mode)
-        before = mode
+        seen.append(_followed(point, start, reached, point.step / SHORTER**length))
+        if (long := seen[-2]) is None or (short := seen[-1]) is None:
+            continue
+        with np.errstate(all="ignore"):
+            order = np.log(np.abs(long[1] / short[1])) / np.log(SHORTER)
+        clear = np.abs(order - np.round(order)) < 0.2
+        if np.array_equal(long[0], short[0]) and np.all(clear[list(reached)]):
+            return short[0], [
+                max(round(float(order[i])), 1) if i in reached else 0 for i in range(len(start))
+            ]
     return None
 
 
@@ -59,8 +67,10 @@ def _signs(point: Point, start: Array, reached: Sequence[int], t: float, x: Arra
     return mode
 
 
-def _followed(point: Point, start: Array, reached: Sequence[int], length: float) -> Array | None:
-    """The mode of the solution over the second half of a step, if it is one; Heun's rule."""
+def _followed(
+    point: Point, start: Array, reached: Sequence[int], length: float
+) -> tuple[Array, Array] | None:
+    """The mode of the solution over the second half of a step, if it is one, and h there; Heun's rule."""
     t, x, mode = point.t, point.x, start
     seen: list[Array] = []
     step = length / PARTS
@@ -73,4 +83,5 @@ def _followed(point: Point, start: Array, reached: Sequence[int], length: float)
         mode = _signs(point, start, reached, t, x)
         seen.append(mode)
     half = seen[PARTS // 2 :]
-    return half[-1] if all(np.array_equal(mode, half[-1]) for mode in half) else None
+    same = all(np.array_equal(other, mode) for other in half)
+    return (mode, point.machine.guards(t, x, mode)) if same else None

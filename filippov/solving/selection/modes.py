@@ -32,7 +32,7 @@ from filippov.solving.selection.candidate import (
     unfixed,
 )
 from filippov.solving.selection.continuous import continuous_mode
-from filippov.solving.selection.corner import can_slide, choices, corners, coupling, with_signs
+from filippov.solving.selection.corner import ENUMERATED, can_slide, choices, corners, coupling, with_signs
 from filippov.solving.state.events import Mode
 from filippov.solving.state.point import Point
 
@@ -86,7 +86,8 @@ def successors(
     A mode whose solution leaves a surface and returns within rounding counts only if there is no other and
     nothing slides: this happens where events follow each other into a corner at which a rate vanishes.
     """
-    found = _consistent(point, base, reached, triggered)
+    found = _where_continuous(point, base, reached) if len(reached) > ENUMERATED else []
+    found = found or _consistent(point, base, reached, triggered)
     if not found and triggered and all(base):
         found = _consistent(replace(point, fine=True), base, reached, triggered)
     return found or _where_continuous(point, base, reached)
@@ -97,10 +98,10 @@ def _where_continuous(point: Point, base: Mode, reached: Sequence[int]) -> list[
     known = continuous_mode(point, base, reached)
     if known is None:
         return []
-    mode, field = known
-    order = tuple(int(i in reached) for i in range(point.machine.m))
+    mode, order = known
+    field = point.rhs(mode, mode)
     signs = tuple(int(sign) for sign in mode)
-    return [Successor(signs, order, (0.0,) * len(signs), tuple(float(v) for v in field), 0.0)]
+    return [Successor(signs, tuple(order), (0.0,) * len(signs), tuple(float(v) for v in field), 0.0)]
 
 
 def leading_off(
