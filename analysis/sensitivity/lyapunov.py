@@ -36,7 +36,7 @@ class Lyapunov(Told):
     error      from the scatter over 8 parts of the run
     t, running times and the exponents estimated up to them, (r,), (r, k): whether they have settled
     skipped    intervals left out because the solution grazes a surface in them
-    message    how the run ended, "" for as planned; interrupted: by Ctrl-C
+    message    how the run ended and what is left out, "" for as planned; interrupted: by Ctrl-C
     parameters values by name; labels: of the axes, "t" and "exponents"
     """
 
@@ -137,6 +137,9 @@ def lyapunov(
         message = "; ".join(filter(None, (message, f"{much}: take a shorter interval")))
     if not logs:
         raise UsageError(f"no interval could be used: {message or 'all of them graze a surface'}")
+    if skipped:
+        share = f"{skipped} of {skipped + len(logs)} intervals graze a surface and are left out"
+        message = "; ".join(filter(None, (message, f"{share}: the exponents may be off")))
     first = len(logs) // 10
     # An interval that was skipped adds neither growth nor time.
     table, times, spans = np.array(logs[first:]), times[first:], np.array(lengths[first:])

@@ -71,7 +71,7 @@ def project_on(
             j = G_COLUMN[a]
             known += (rtol * abs(x[j]) + atol[j]) * abs(w.g[i * N + j])
             moved += abs(w.g[i * N + j] * w.f[j])
-        if abs(h[i]) > known and moved <= TIMED * abs(w.gt[i]):
+        if abs(h[i]) > known and moved < TIMED * abs(w.gt[i]):
             return 0
         add_gradient(i, -h[i] / size, x, w)
     return guards(t, x, p, m, h, ctx)

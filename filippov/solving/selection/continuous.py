@@ -26,9 +26,12 @@ def continuous_mode(point: Point, base: Mode, reached: Sequence[int]) -> tuple[A
 
     None where the field may jump, or no two steps agree.
 
-    Formulas only: plain functions need have no values beside the point.
+    Formulas only: plain functions need have no values beside the point. A field that is not Lipschitz may have
+    several solutions.
     """
-    if point.machine.callbacks is not None or any(point.machine.contacts[i] for i in reached):
+    machine = point.machine
+    plain = machine.callbacks is not None or bool(machine.constants["NON_LIPSCHITZ"])
+    if plain or any(machine.contacts[i] for i in reached):
         return None
     start = np.array(base, dtype=float)
     start[list(reached)] = np.where(start[list(reached)] == 0.0, 1.0, start[list(reached)])
@@ -40,8 +43,9 @@ def continuous_mode(point: Point, base: Mode, reached: Sequence[int]) -> tuple[A
     size = NEAR * (1.0 + np.abs(point.x))
     around = [_signs(point, start, reached, point.t, point.x + size * rng.normal(size=len(point.x)))
               for _ in range(DRAWN)]  # fmt: skip
-    if any(np.any(np.abs(point.rhs(mode, mode) - field) > small) for mode in around):
-        return None
+    with np.errstate(all="ignore"):
+        if not all(np.all(np.abs(point.rhs(mode, mode) - field) <= small) for mode in around):
+            return None
     seen: list[tuple[Array, Array] | None] = [None]
     for length in range(LENGTHS):
         seen.append(_followed(point, start, reached, point.step / SHORTER**length))
@@ -49,7 +53,7 @@ def continuous_mode(point: Point, base: Mode, reached: Sequence[int]) -> tuple[A
             continue
         with np.errstate(all="ignore"):
             order = np.log(np.abs(long[1] / short[1])) / np.log(SHORTER)
-        clear = np.abs(order - np.round(order)) < 0.2
+            clear = np.abs(order - np.round(order)) < 0.2
         if np.array_equal(long[0], short[0]) and np.all(clear[list(reached)]):
             return short[0], [
                 max(round(float(order[i])), 1) if i in reached else 0 for i in range(len(start))
