@@ -48,7 +48,6 @@ x, v = states("x v")
 p = parameters(mu=0.2, A=1.0)
 MASS = System({x: v, v: -x - p.mu * sign(v)})
 RUN = solve(MASS, (1.1, 0), (0, 12))
-COARSE = solve(MASS, (1.1, 0), (0, 12), dense_output=False)
 SECTION = Section("v", "crossing up", "x", {"x": "-d", "v": "0"})
 TIMES = np.linspace(0, 5, 200)
 PROBLEM = Problem(MASS, (1, 0), (0, 1))
@@ -101,10 +100,6 @@ MISTAKES: dict[str, tuple[Callable[[], object], str, str]] = {
     "a run of an ensemble by a state": (lambda: ENDS["x"], "ensemble['x']", "ensemble.x[:, 0]"),
     "a run after the last": (lambda: ENDS[3], "no trajectory 3", "there are 3, numbered from 0"),
     "the length of a solution": (lambda: len(RUN), "no length", "len(solution.t)"),
-    "a solution at a time without dense output": (
-        lambda: COARSE(1.0), "no dense output", "Leave out dense_output=False",
-    ),
-    "an orbit at a time": (lambda: ORBIT(1.0), "an Orbit is no function", "orbit.solution().sol(t)"),
     "a problem with another state": (
         lambda: PROBLEM.with_x0((2, 0)), "a Problem has no attribute 'with_x0'", "problem.remake(x0=",
     ),
@@ -272,9 +267,3 @@ def test_a_tank_that_empties_stays_empty_with_the_root_that_is_told(k: float) ->
     assert run.success
     assert run.x_end[0] == 0.0
     assert abs(run.sol(1 / k)[0] - 0.25) < 1e-7
-
-
-def test_a_solution_is_called_as_its_dense_output() -> None:
-    times = np.linspace(0, 12, 31)
-    np.testing.assert_array_equal(RUN(times), RUN.sol(times))
-    np.testing.assert_array_equal(RUN(1.0, side="+"), RUN.sol(1.0, side="+"))

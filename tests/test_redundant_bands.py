@@ -1,6 +1,7 @@
 """Switch and Karnopp where some frictions move with others: forces in stick are not unique, the motion is."""
 
 import os
+from itertools import count, islice
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,7 @@ def bodies(n: int, more: int, rng: np.random.Generator, wall: bool = False) -> t
     if wall:
         place = rng.uniform(0.1, 0.5)
         start[0] = min(start[0], place - 0.05)
-        struck = {q: q - 1.5 * inverse[i, 0] / inverse[0, 0] * speed[0] for i, q in enumerate(speed)}
+        struck = {q: q - 1.9 * inverse[i, 0] / inverse[0, 0] * speed[0] for i, q in enumerate(speed)}
         surfaces.append(Surface("wall", place - x[0], reset=struck, side="-"))
         kicked = dict(zip(speed, speed + rng.uniform(-0.5, 0.5, n), strict=True))
         kicks.append(TimeEvent("kick", times=(1.3, 2.9, 4.4), reset=kicked))
@@ -105,14 +106,11 @@ def test_15_1_bodies_that_strike_a_wall_and_are_kicked_go_to_the_exact_solution(
     n: int, more: int, kind: Any
 ) -> None:
     """Between impacts, so the error is the mean one: each impact comes a little later or earlier."""
-    compared = 0
-    for seed in range(SEEDS):
-        exact, start = bodies(n, more, np.random.default_rng(7000 * n + 100 * more + seed), wall=True)
-        if solve(exact, [*start], (0, 6)).status != "success":
-            continue  # it comes to rest at the wall
-        compared += 1
+    drawn = (bodies(n, more, np.random.default_rng(7000 * n + 100 * more + k), wall=True) for k in count())
+    # Others come to rest at the wall.
+    passing = (member for member in drawn if solve(*member, (0, 6)).success)
+    for exact, start in islice(passing, SEEDS):
         assert min(orders_of(exact, kind, start, mean=True)) > 0.85
-    assert compared > SEEDS // 2
 
 
 @pytest.mark.parametrize("kind", KINDS)

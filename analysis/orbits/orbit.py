@@ -130,10 +130,6 @@ class Orbit(Told, Answering):
     def _solutions(self) -> tuple[Solution, ...]:
         return self.solutions or (self.solution(),)
 
-    def __call__(self, *_: Any, **__: Any) -> Any:
-        """Raises UsageError: what to write for the state at a time."""
-        raise UsageError("an Orbit is no function of time: orbit.solution().sol(t) is its state at a time.")
-
     @keywords()
     def solution(self, periods: float = 1.0) -> Solution:
         """The solution over so many periods from x0; it departs from an orbit that repels (see `pieces`)."""

@@ -259,15 +259,6 @@ class Solution:
     def __bool__(self) -> bool:
         return True
 
-    def __call__(self, t: Any, side: str = "-") -> Array:
-        """sol(t, side). Raises UsageError without dense output."""
-        if self.sol is None:
-            raise UsageError(
-                "the solution has no dense output, expected one for a state at any time. Leave out "
-                "dense_output=False, or read solution.t and solution.x."
-            )
-        return self.sol(t, side)
-
     def __getitem__(self, name: Any) -> Array:
         """The values of a state or an output at `t`, by its name: r["x"], r["effort"]."""
         found: Array = delegate("Solution.__getitem__")(self, name)

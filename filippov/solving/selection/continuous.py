@@ -26,8 +26,8 @@ def continuous_mode(point: Point, base: Mode, reached: Sequence[int]) -> tuple[A
 
     None where the field may jump, or no two steps agree.
 
-    Formulas only: plain functions need have no values beside the point. A field that is not Lipschitz may have
-    several solutions.
+    Formulas only: plain functions need have no values beside the point. Several solutions may follow where
+    the field is not Lipschitz.
     """
     machine = point.machine
     plain = machine.callbacks is not None or bool(machine.constants["NON_LIPSCHITZ"])
