@@ -25,18 +25,28 @@ def block(force, mu, g, k, level, **names):
 
 def followed(a, w, c, mu, g, k, level, end):
     """The same block under a sin(w t) - c x, stop by stop, by scipy."""
-    force = lambda at, q: a * np.sin(w * at) - c * q  # noqa: E731
     at, y, side, out = 0.0, np.zeros(2), 0, []
+
+    def force(now, place):
+        return a * np.sin(w * now) - c * place
+
+    def field(now, Y, way, _):
+        return [Y[1], (force(now, Y[0]) - mu * g * way) / (1 + mu * k * way)]
+
+    def leaves(now, Y, *_):
+        return level * mu * g - abs(force(now, Y[0]))
+
+    def stops(now, Y, way, since):
+        return way * Y[1] if since + 1e-6 < now else 1.0
+
+    for event in (leaves, stops):
+        event.terminal, event.direction = True, -1
     while True:
+        given = {"args": (side, at), "max_step": 0.01, "rtol": 1e-12}
         if side == 0:
-            leave = lambda T, Y: level * mu * g - abs(force(T, Y[0]))  # noqa: E731
-            leave.terminal, leave.direction = True, -1
-            run = solve_ivp(lambda T, Y: [0, 0], (at, end), y, events=leave, max_step=0.01, rtol=1e-12)
+            run = solve_ivp(lambda now, Y, *_: [0, 0], (at, end), y, events=leaves, **given)
         else:
-            field = lambda T, Y, s=side: [Y[1], (force(T, Y[0]) - mu * g * s) / (1 + mu * k * s)]  # noqa: E731
-            stop = lambda T, Y, s=side: s * Y[1] if at + 1e-6 < T else 1.0  # noqa: E731, B023
-            stop.terminal, stop.direction = True, -1
-            run = solve_ivp(field, (at, end), y, "DOP853", events=stop, max_step=0.01, rtol=1e-12, atol=1e-13)
+            run = solve_ivp(field, (at, end), y, "DOP853", events=stops, atol=1e-13, **given)
         at, y = run.t[-1], run.y[:, -1].copy()
         if run.status == 0:
             return np.array(out), y

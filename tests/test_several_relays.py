@@ -26,7 +26,7 @@ def passages(guard, width):
         if beyond.size == 0:
             return out, total + sign * (END - last)
         k = beyond[0]
-        at = brentq(lambda T: guard(T) * sign + width, times[k - 1], times[k], xtol=1e-14)  # noqa: B023
+        at = brentq(lambda T, way: guard(T) * way + width, times[k - 1], times[k], (sign,), xtol=1e-14)
         total, last, sign = total + sign * (at - last), at, -sign
         out.append(at)
 

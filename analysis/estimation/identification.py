@@ -169,9 +169,8 @@ def _identified(
 ) -> Identified:
     """The result of a fit: intervals, none where a test refuses the law, wider ones where one doubts it."""
     p, windows, noise = len(names), fit.linear.windows, fit.noise
-    covariance = generalised(windows, noise.sigma, noise.rho, noise.kappa).covariance[:p, :p]
-    root = generalised(windows, noise.sigma, noise.rho, noise.kappa).root
-    lost = undetermined(root)[:p]
+    solved = generalised(windows, noise.sigma, noise.rho, noise.kappa)
+    covariance, lost = solved.covariance[:p, :p], undetermined(solved.root)[:p]
     covariance[:, lost] = np.inf
     covariance[lost] = np.inf
     errors = np.sqrt(np.diag(covariance))

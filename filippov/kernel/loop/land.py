@@ -54,7 +54,7 @@ def guard_scale(i: int, t: float, x: Vector, w: Scratch) -> float:
 def project_on(
     t: float, x: Vector, p: Vector, m: Vector, i: int, rtol: float, atol: Vector, w: Scratch, ctx: Indices
 ) -> int:  # fmt: skip
-    """Newton steps along the gradient onto one surface; w.f is the field there.
+    """Newton steps along the gradient onto one surface; w.f is a field beside it.
 
     Where time moves h and the states next to nothing, rounding of its terms in t would lead anywhere: these
     move no state by more than it is known.

@@ -41,8 +41,8 @@ def continuous_mode(point: Point, base: Mode, reached: Sequence[int]) -> tuple[A
     small = SAME * point.field_terms(tuple(start))
     rng = np.random.default_rng(0)
     size = NEAR * (1.0 + np.abs(point.x))
-    around = [_signs(point, start, reached, point.t, point.x + size * rng.normal(size=len(point.x)))
-              for _ in range(DRAWN)]  # fmt: skip
+    around = (_signs(point, start, reached, point.t, point.x + size * rng.normal(size=len(point.x)))
+              for _ in range(DRAWN))  # fmt: skip
     with np.errstate(all="ignore"):
         if not all(np.all(np.abs(point.rhs(mode, mode) - field) <= small) for mode in around):
             return None

@@ -86,11 +86,12 @@ def successors(
     A mode whose solution leaves a surface and returns within rounding counts only if there is no other and
     nothing slides: this happens where events follow each other into a corner at which a rate vanishes.
     """
-    found = _where_continuous(point, base, reached) if len(reached) > ENUMERATED else []
+    many = len(reached) > ENUMERATED
+    found = _where_continuous(point, base, reached) if many else []
     found = found or _consistent(point, base, reached, triggered)
     if not found and triggered and all(base):
         found = _consistent(replace(point, fine=True), base, reached, triggered)
-    return found or _where_continuous(point, base, reached)
+    return found or ([] if many else _where_continuous(point, base, reached))
 
 
 def _where_continuous(point: Point, base: Mode, reached: Sequence[int]) -> list[Successor]:
