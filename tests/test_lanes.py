@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.special
 import sympy
 
 from filippov import ModelError, Status, Surface, System, UsageError, parameters, sign, solve, sqrt, states
@@ -50,11 +51,18 @@ def assert_alike(one: Ensemble, other: Ensemble, allowed: float = 10.0) -> None:
     np.testing.assert_allclose(one.t, other.t, rtol=allowed * RTOL, atol=allowed * RTOL)
 
 
-@pytest.mark.parametrize("name", MODELS)
-def test_lanes_end_where_the_plain_loop_does(name: str) -> None:
+# Series in lanes take seconds to compile: events, slides on one and on either of two surfaces, impacts,
+# clocks, an exponent that is a parameter, what leaves the compiled loop, a short step beside long ones.
+IN_SERIES = ("hunting", "belt", "relay_two_slides", "two_blocks", "buck_pwm", "impact_oscillator", "twisting")
+
+
+@pytest.mark.parametrize(
+    ("name", "method"), [*((name, "DOP853") for name in MODELS), *((name, "Taylor") for name in IN_SERIES)]
+)
+def test_lanes_end_where_the_plain_loop_does(name: str, method: str) -> None:
     system, x0, span = starts(name, 21)
-    plain = solve_many(system, x0, span, lanes=1, threads=1, **OPTIONS)
-    lanes = solve_many(system, x0, span, lanes=widest(), threads=1, **OPTIONS)
+    plain = solve_many(system, x0, span, lanes=1, threads=1, method=method, **OPTIONS)
+    lanes = solve_many(system, x0, span, lanes=widest(), threads=1, method=method, **OPTIONS)
     assert (plain.lanes, lanes.lanes) == (1, widest())
     assert_alike(plain, lanes)
 
@@ -102,12 +110,51 @@ def test_lanes_follow_a_linear_system_to_its_matrix_exponential() -> None:
     names = states("x y z")
     system = System({q: sum(a[i, j] * names[j] for j in range(3)) for i, q in enumerate(names)})
     x0 = np.random.default_rng(2).normal(size=(77, 3))
-    for method in ("DOP853", "DP5"):
+    for method in ("DOP853", "DP5", "Taylor"):
         ends = solve_many(system, x0, (0, 7), lanes=8, rtol=1e-11, atol=1e-13, method=method)
         np.testing.assert_allclose(ends.x, x0 @ scipy.linalg.expm(7 * a).T, atol=1e-9)
         options = {"lanes": 8, "rtol": 1e-11, "atol": 1e-13, "method": method}
         back = solve_many(system, ends.x, (7, 0), backward=True, **options)
         np.testing.assert_allclose(back.x, x0, atol=1e-7)
+
+
+@pytest.mark.parametrize("exponent", [2.0, 1.0, 1.7, -1.3])
+def test_series_in_lanes_meet_exponents_that_are_parameters(exponent: float) -> None:
+    """x' = -x**e has x**(1 - e) = x0**(1 - e) - (1 - e) t; lanes with e = 2 alone have their own kernel."""
+    x = states("x")
+    p = parameters(e=2.0)
+    x0 = np.linspace(0.3, 2.0, 40)
+    every = np.where(np.arange(40) % 3 == 0, exponent, 2.0)
+    ends = solve_many(
+        System({x: -(x**p.e)}), x0[:, None], (0, 0.4), parameters={"e": every}, lanes=16, rtol=1e-11,
+        atol=1e-14, method="Taylor",
+    )  # fmt: skip
+    rest = 1 - every
+    with np.errstate(divide="ignore", invalid="ignore"):
+        exact = np.where(rest == 0, x0 * np.exp(-0.4), (x0**rest - rest * 0.4) ** (1 / rest))
+    there = np.isfinite(exact)
+    assert there.sum() > 25
+    np.testing.assert_allclose(ends.x[there, 0], exact[there], rtol=1e-10)
+
+
+def test_series_in_lanes_see_a_peak_that_none_of_their_terms_shows() -> None:
+    """x' = 1, y' = exp(-((x - c)/w)**2): the peak is far below the least number where each lane begins."""
+    x, y = states("x y")
+    p = parameters(c=0.0, w=1.0)
+    c, w = np.linspace(-8, 8, 120), 10.0 ** np.linspace(-3.5, 0, 120)
+    ends = solve_many(
+        System({x: 1 + 0 * x, y: sympy.exp(-(((x - p.c) / p.w) ** 2))}), (-10, 0), (0, 20), method="Taylor",
+        parameters={"c": c, "w": w}, lanes=16, rtol=1e-9, atol=1e-12,
+    )  # fmt: skip
+    exact = 0.5 * np.sqrt(np.pi) * w * (scipy.special.erf((10 - c) / w) + scipy.special.erf((10 + c) / w))
+    np.testing.assert_allclose(ends.x[:, 1], exact, rtol=1e-6)
+
+
+def test_large_systems_have_no_series_in_lanes() -> None:
+    v = states(" ".join(f"v{k}" for k in range(7)))
+    seven = System({q: -sign(q) for q in v})
+    with pytest.raises(UsageError, match="one by one for a system of this size; lanes know DOP853"):
+        solve_many(seven, np.ones((2, 7)), (0, 1e-3), method="Taylor", lanes=8)
 
 
 def difficult() -> tuple[System, np.ndarray]:
@@ -134,16 +181,21 @@ def test_neighbours_of_difficult_trajectories_are_as_without_them() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "lanes"), [*((name, 8) for name in MODELS), ("hunting", 16), ("two_blocks", 16)]
+    ("name", "lanes", "method"),
+    [
+        *((name, 8, "DOP853") for name in MODELS),
+        *((name, 16, method) for name in ("hunting", "two_blocks") for method in ("DOP853", "Taylor")),
+    ],
 )
-def test_neighbours_order_and_threads_change_no_bit(name: str, lanes: int) -> None:
+def test_neighbours_order_and_threads_change_no_bit(name: str, lanes: int, method: str) -> None:
     # 150 rows are more than both groups of lanes hold, so that some wait; 7 are fewer than one group holds.
     system, x0, (t0, t1) = starts(name, 150)
     span = (t0, t0 + 0.3 * (t1 - t0))
-    ends = solve_many(system, x0, span, lanes=lanes, threads=1, **OPTIONS)
+    options = OPTIONS | {"method": method, "lanes": lanes}
+    ends = solve_many(system, x0, span, threads=1, **options)
     order = np.random.default_rng(4).permutation(150)
     for rows, threads in ((order, 1), (order[:7], 1), (order[::-1], 2)):
-        other = solve_many(system, x0[rows], span, lanes=lanes, threads=threads, **OPTIONS)
+        other = solve_many(system, x0[rows], span, threads=threads, **options)
         np.testing.assert_array_equal(other.x, ends.x[rows])
         np.testing.assert_array_equal(other.t, ends.t[rows])
         np.testing.assert_array_equal(other.nfev, ends.nfev[rows])

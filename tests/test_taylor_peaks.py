@@ -25,6 +25,7 @@ PARTS: dict[str, tuple[Expr, Callable[[float], float]]] = {
     "tanh": (tanh(u), lambda u: abs(u) + math.log1p(math.exp(-2 * abs(u)))),
     "logistic": (1 / (1 + exp(-u)), lambda u: max(u, 0) + math.log1p(math.exp(-abs(u)))),
     "atan": (atan(u), lambda u: u * math.atan(u) - 0.5 * math.log1p(u * u)),
+    "bell": (exp(-(u**2)), lambda u: 0.5 * math.sqrt(math.pi) * math.erf(u)),
     "wave": (sin(u), lambda u: -math.cos(u)),
 }
 

@@ -65,10 +65,9 @@ _STATUS = {
 _OF_CODE = np.array([_STATUS.get(code) for code in range(UNFINISHED, codes.LIMIT + 1)], dtype=object)
 _LEFT = ("max_time", "on_graze", "stop", "dense_output", "save_events", "backend", "dt", "theta")
 _OPTIONS = options_but(*_LEFT)
-# Methods whose stages are written out one after the other, as lanes need them.
-_IN_LANES = ("DOP853", "DP5")
 STUCK, _BUDGETS = 1e-9, (codes.CHUNK_DONE, codes.EVENTS_FULL)  # of the time left: a step that leads nowhere
-_ENOUGH = 64  # fewer rows than this do not repay the compilation of lanes
+# Methods that run in lanes, and how many rows repay the compilation; that of series takes seconds.
+_IN_LANES = {"DOP853": 64, "DP5": 64, "Taylor": 2048}
 _ROWS_EACH = (16, 128)  # a thread of its own for every so many rows, one by one and in lanes
 _BLOCK = 1 << 16  # rows in memory at a time with all that a running trajectory needs
 
@@ -191,8 +190,8 @@ def solve_many(
     stop        terminal events, as in `solve`
     threads     default: all cores (1 for systems of plain Python functions)
     lanes       trajectories side by side in vector instructions: 16, 8 or 1; default: where the system is
-                symbolic, without inputs, and there are 64 trajectories or more, 16 on processors with
-                AVX-512 and 8 on others
+                symbolic, without inputs, and there are 64 trajectories or more (by Taylor's method
+                2048), 16 on processors with AVX-512 and 8 on others
     measure     function of the Ensemble of a block of trajectories (up to 65,536, in order) that returns an
                 array with a row for each; the blocks' results, joined, are `measured`
     progress    called with (trajectories done, k) from time to time
@@ -251,7 +250,7 @@ class Prepared:
         )
         alone = machine.compiled.plain or bool(system.inputs)
         width = 1 if alone else _lanes(self.lanes, machine, checked.method, count)
-        unit = _lane_unit(machine, checked.method, width) if width > 1 else None
+        unit = _lane_unit(machine, checked.stepper, width) if width > 1 else None
         workers = system_threads(system, self.threads, count, _ROWS_EACH[width > 1])
         unfit, parts = unusable(system, states, values), list[Ensemble]()
         for first in range(0, max(count, 1), _BLOCK):
@@ -360,9 +359,11 @@ _lane_unit = lru_cache(maxsize=64)(lane_unit)
 
 def _lanes(lanes: int | None, machine: Machine, method: str, count: int) -> int:
     system = machine.system
+    # The series of large systems are loops.
+    in_lanes = method in _IN_LANES and bool(machine.constants.get("IN_LANES", True))
     if lanes is None:
-        possible = system.field is None and method in _IN_LANES and machine.sliding != "utkin"
-        return widest() if possible and count >= _ENOUGH else 1
+        possible = system.field is None and in_lanes and machine.sliding != "utkin"
+        return widest() if possible and count >= _IN_LANES[method] else 1
     if isinstance(lanes, bool) or lanes not in (1, LANES, MOST_LANES):
         raise UsageError(f"lanes is {lanes!r}, expected 1, {LANES} or {MOST_LANES}.")
     if lanes > 1 and system.field is not None:
@@ -372,10 +373,10 @@ def _lanes(lanes: int | None, machine: Machine, method: str, count: int) -> int:
         )
     if lanes > 1 and machine.sliding == "utkin":
         raise UsageError(f"lanes is {lanes}, but sliding='utkin' runs one by one. Leave lanes at 1.")
-    if lanes > 1 and method not in _IN_LANES:
-        raise UsageError(
-            f"lanes is {lanes}, but {method} runs one by one; lanes know {', '.join(_IN_LANES)}."
-        )
+    if lanes > 1 and not in_lanes:
+        of = " for a system of this size" if method in _IN_LANES else ""
+        known = ", ".join(name for name in _IN_LANES if name != method)
+        raise UsageError(f"lanes is {lanes}, but {method} runs one by one{of}; lanes know {known}.")
     return lanes
 
 

@@ -37,7 +37,7 @@ from filippov.kernel.tables.layout import LANES, MOST_LANES
 from filippov.kernel.tables.tableaus import TABLEAUS, Collocation, Series
 
 # A unit of lanes widens plain kernels, and calls those of another unit by their addresses.
-_LANE_FILES = (*FILES, "lane_functions", "lane_field", "lane_step", "lane_slot", "lane_run")
+_LANE_FILES = (*FILES, "lane_functions", "lane_field", "lane_series", "lane_step", "lane_slot", "lane_run")
 # What the loop calls in a system's unit: the kernels written for the system. Then what it calls in lanes (see
 # `points`).
 _OF_SYSTEM = ("rhs", "pair", "guards", "gradients", "radii", "resets", "derive")

@@ -9,7 +9,7 @@ for what follows from the order before, not for the sums. Larger graphs become l
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from filippov.kernel.codegen.jet_graph import JetGraph, Node, first_value
@@ -19,6 +19,7 @@ from filippov.kernel.codegen.jet_groups import GroupedLoops
 WRITTEN_OUT = 8000
 # The most coefficients at the end of a series that are compared with as many before them.
 LAST = 4
+_Coefficient = Callable[[int], str | None]
 _SINGULAR = ("quotient", "power", "root", "integral")
 
 
@@ -29,17 +30,22 @@ def heavy(graph: JetGraph, order: int) -> bool:
 
 
 def jet_lines(
-    graph: JetGraph, results: Sequence[int], order: int, tails: Sequence[int] = ()
+    graph: JetGraph, results: Sequence[int], order: int, tails: Sequence[int] = (), decaying: int = 0,
+    squares: bool = False,
 ) -> tuple[list[str], int]:
     """Statements that store coefficients 0 ... order - 1 of the results in `out`, one order after the other.
 
     Result i below the number of states is the rate of state i. Then how many numbers of `work` they use.
-    tails: nodes of a graph that is not heavy, of which the last coefficients are stored in `work`.
+    tails: nodes of a graph that is not heavy, of which the last coefficients are stored in `work`; behind
+    them all coefficients of the exponents of the first `decaying`.
+    squares: of such a graph, for parameters that make the exponents of `chosen_exponents` 2.
     """
     used = _used(graph, results)
     if not heavy(graph, order):
-        written = _WrittenOut(graph, results, order, used)
-        return [*written.lines(), *written.tails(tails)], 2 * last_terms(order) * len(tails)
+        written = _WrittenOut(graph, results, order, used, squares)
+        text = written.lines()
+        stored = [*written.tails(tails), *written.exponents(tails[:decaying])]
+        return [*text, *(f"    work[{q}] = {said}" for q, said in enumerate(stored))], len(stored)
     loops = GroupedLoops(graph, results, order, used)
     return loops.lines(), loops.room
 
@@ -49,15 +55,30 @@ def last_terms(order: int) -> int:
     return min(LAST, (order - 1) // 3)
 
 
+def chosen_exponents(graph: JetGraph, results: Sequence[int]) -> list[str]:
+    """The exponents behind some results that parameters may make an integer."""
+    nodes = [graph.nodes[number] for number in _used(graph, results)]
+    return sorted({node.texts[0] for node in nodes if node.kind == "power" and node.texts[1] != "power"})
+
+
 def endless(graph: JetGraph, results: Sequence[int]) -> list[int]:
-    """The nodes behind some results whose series do not end, and those that jump or have kinks."""
+    """The nodes behind some results whose series do not end, exponentials first; also jumps and kinks."""
     nodes, found = graph.nodes, []
     for number in _used(graph, results):
         node = nodes[number]
         asks = any(nodes[n].kind != "constant" for n in node.asked)
         if node.kind in _SINGULAR or (node.kind in ("choice", "step") and asks):
             found.append(number)
-    return found
+    return sorted(found, key=lambda number: not _is_exponential(nodes[number]))
+
+
+def exponentials(graph: JetGraph, numbers: Sequence[int]) -> int:
+    """How many of some nodes are exponentials."""
+    return sum(_is_exponential(graph.nodes[number]) for number in numbers)
+
+
+def _is_exponential(node: Node) -> bool:
+    return node.kind == "integral" and node.texts == ("exp({0})",)
 
 
 def _used(graph: JetGraph, results: Sequence[int]) -> list[int]:
@@ -81,6 +102,7 @@ class _WrittenOut:
     results: Sequence[int]
     order: int
     used: list[int]
+    squares: bool = False
     text: list[str] = field(default_factory=list)
     value: dict[tuple[int, int], str | None] = field(default_factory=dict)
     factor: dict[int, str | None] = field(default_factory=dict)
@@ -97,7 +119,9 @@ class _WrittenOut:
                 if k == 0:
                     known = {n: self.value.get((n, 0)) or "0.0" for n in (*node.operands, *node.asked)}
                     own, asked = ([known[n] for n in group] for group in (node.operands, node.asked))
-                    self._store(number, 0, first_value(node, own, asked))
+                    square = self.squares and node.kind == "power" and node.texts[1] != "power"
+                    said = f"{own[0]} * {own[0]}" if square else first_value(node, own, asked)
+                    self._store(number, 0, said)
                     self._relate(number, node)
                 elif self.base[number] == number:
                     self._store(number, k, self._coefficient(number, node, k))
@@ -106,18 +130,27 @@ class _WrittenOut:
         return self.text
 
     def tails(self, numbers: Sequence[int]) -> list[str]:
-        """Statements that store 2 `last_terms` coefficients of each node in a row of `work`.
+        """The last 2 `last_terms` coefficients of each node, a row of `work`.
 
         Zeros for a node that jumps or has a kink; those of a series that has ended where the number is -1.
         """
-        terms, lines = last_terms(self.order), list[str]()
+        terms, stored = last_terms(self.order), list[str]()
         for number in numbers:
             for q, k in enumerate(range(self.order - 2 * terms, self.order)):
                 said = "1.0" if q < terms and number < 0 else "0.0"
                 if number >= 0 and self.graph.nodes[number].kind in _SINGULAR:
                     said = self.value[number, k] or "0.0"
-                lines.append(f"    work[{len(lines)}] = {said}")
-        return lines
+                stored.append(said)
+        return stored
+
+    def exponents(self, numbers: Sequence[int]) -> list[str]:
+        """All coefficients of the exponent of each exponential; 0 for other nodes."""
+        stored = []
+        for number in numbers:
+            own = number >= 0 and _is_exponential(self.graph.nodes[number])
+            inside = self.graph.nodes[number].operands[0] if own else -1
+            stored += [self._whole(inside, k) if own else "0.0" for k in range(self.order)]
+        return stored
 
     def _store(self, number: int, k: int, said: str | None) -> None:
         if said is not None and (not said.isidentifier() or k == 0):
@@ -181,14 +214,24 @@ class _WrittenOut:
         """1 / the value of order 0."""
         return self._product_of(f"(1.0 / {self.value[number, 0]})") or "1.0"
 
-    def _paired(self, a: int, b: int, pairs: Sequence[tuple[int, int, float | str]]) -> str | None:
-        """Sum of products of coefficients of a and b, each with a weight; None where all are 0."""
-        terms = []
-        for i, j, weight in sorted(pairs, key=lambda pair: max(pair[:2])):
-            left, right = self._name(a, i), self._name(b, j)
-            if left is not None and right is not None and weight != 0.0:
-                terms.append(f"{left} * {right}" if weight == 1.0 else f"{weight} * {left} * {right}")
-        return _in_two(terms)
+    def _rate(self, number: int, k: int) -> str | None:
+        """k times a coefficient without its factor."""
+        name = self._name(number, k)
+        return None if name is None else self._product_of(repr(float(k)), name)
+
+    def _folded(self, k: int, left: _Coefficient, right: _Coefficient) -> str | None:
+        """sum_j left_j right_(k-j) over 0 < j < k; None where all are 0."""
+        pairs = [(left(j), right(k - j)) for j in sorted(range(1, k), key=lambda j: max(j, k - j))]
+        return _in_two([f"{a} * {b}" for a, b in pairs if a is not None and b is not None])
+
+    def _folded_with_itself(self, u: int, k: int, *factors: str | None) -> tuple[str | None, str | None]:
+        """sum_j u_j u_(k-j) over 0 < j < k times factors: pairs of coefficients, and the square of one."""
+        names = [self._name(u, j) for j in range(k)]
+        pairs = zip(names[(k - 1) // 2 : 0 : -1], names[k // 2 + 1 :], strict=True)
+        twice = _in_two([f"{a} * {b}" for a, b in pairs if a is not None and b is not None])
+        middle = names[k // 2] if k % 2 == 0 else None
+        square = _times(self._product_of(*factors), middle and f"{middle} * {middle}")
+        return square, _times(self._product_of("2.0", *factors), twice)
 
     def _coefficient(self, number: int, node: Node, k: int) -> str | None:
         if node.kind in ("constant", "step"):
@@ -212,21 +255,20 @@ class _WrittenOut:
         u, v = node.operands
         if u == v:
             return self._square(u, k)
-        inside = self._paired(u, v, [(j, k - j, 1.0) for j in range(1, k)])
+        inside = self._folded(k, lambda j: self._name(u, j), lambda j: self._name(v, j))
         late = sorted(((u, v), (v, u)), key=lambda pair: self.depth[pair[0]])
         ends = [self._newest(n, k, self.value[other, 0]) for n, other in late]
         return _sum(_times(self._product_of(self.factor[u], self.factor[v]), inside), *ends)
 
     def _square(self, u: int, k: int) -> str | None:
-        pairs = [(j, k - j, 2.0 if 2 * j < k else 1.0) for j in range(1, k // 2 + 1)]
-        inside = _times(self._product_of(self.factor[u], self.factor[u]), self._paired(u, u, pairs))
-        return _sum(inside, self._newest(u, k, "2.0", self.value[u, 0]))
+        inside = self._folded_with_itself(u, k, self.factor[u], self.factor[u])
+        return _sum(*inside, self._newest(u, k, "2.0", self.value[u, 0]))
 
     def _quotient(self, number: int, node: Node, k: int) -> str | None:
         """y = u / v: y_k = (u_k - sum_{j > 0} v_j y_{k-j}) / v_0."""
         u, v = node.operands
         below = self._inverse(v)
-        inside = self._paired(v, number, [(j, k - j, 1.0) for j in range(1, k)])
+        inside = self._folded(k, lambda j: self._name(v, j), lambda j: self._name(number, j))
         late = sorted(
             ((u, ()), (v, ("-1.0", self.value[number, 0]))), key=lambda part: self.depth[part[0]]
         )
@@ -236,18 +278,18 @@ class _WrittenOut:
     def _root(self, number: int, node: Node, k: int) -> str | None:
         """y**2 = u: y_k = (u_k - sum_{0 < j < k} y_j y_{k-j}) / (2 y_0)."""
         below = self._inverse(number)
-        pairs = [(j, k - j, 2.0 if 2 * j < k else 1.0) for j in range(1, k // 2 + 1)]
-        inside = self._paired(number, number, pairs)
-        return _sum(
-            _times(self._product_of("-0.5", below), inside), self._newest(node.operands[0], k, "0.5", below)
-        )
+        inside = self._folded_with_itself(number, k, "-0.5", below)
+        return _sum(*inside, self._newest(node.operands[0], k, "0.5", below))
 
     def _power(self, number: int, node: Node, k: int) -> str | None:
-        """y = u**e: y_k = sum_{j > 0} ((e + 1) j - k) u_j y_{k-j} / (k u_0)."""
+        """y = u**e: y_k = (e sum_{j > 0} j u_j y_{k-j} - sum_{j > 0} u_j (k - j) y_{k-j}) / (k u_0)."""
         (u,), (exponent, name) = node.operands, node.texts
-        below, more = self._inverse(u), self._product_of(f"({exponent} + 1.0)")
-        pairs = [(j, k - j, f"({more or '1.0'} * {float(j)!r} - {float(k)!r})") for j in range(1, k)]
-        inside = self._paired(u, number, pairs)
+        if name != "power" and self.squares:
+            return self._square(u, k)
+        below = self._inverse(u)
+        up = self._folded(k, lambda j: self._rate(u, j), lambda j: self._name(number, j))
+        down = self._folded(k, lambda j: self._name(u, j), lambda j: self._rate(number, j))
+        inside = up and down and f"({exponent}) * ({up}) - ({down})"
         inside = _times(self._product_of(repr(1.0 / k), below, self.factor[u]), inside)
         said = _sum(inside, self._newest(u, k, f"({exponent})", self.value[number, 0], below))
         if name == "power":
@@ -260,7 +302,7 @@ class _WrittenOut:
         """y' = g u': y_k = sum_{j > 0} j u_j g_{k-j} / k."""
         u, g = node.operands
         sign = node.texts[1] if len(node.texts) > 1 else None
-        inside = self._paired(u, g, [(j, k - j, float(j)) for j in range(1, k)])
+        inside = self._folded(k, lambda j: self._rate(u, j), lambda j: self._name(g, j))
         share = self._product_of(sign, repr(1.0 / k), self.factor[u], self.factor[g])
         return _sum(_times(share, inside), self._newest(u, k, sign, self.value[g, 0]))
 

@@ -7,7 +7,7 @@ of the graph, so that field and multiplier come as series together. Several slid
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import sympy
 from sympy import Expr, Symbol
@@ -15,7 +15,7 @@ from sympy import Expr, Symbol
 from filippov.kernel.codegen.generate import KernelPrinter, symbol_names, total_gradients
 from filippov.kernel.codegen.generated import Generated
 from filippov.kernel.codegen.jet_graph import JetGraph
-from filippov.kernel.codegen.jets import endless, heavy, jet_lines, last_terms
+from filippov.kernel.codegen.jets import chosen_exponents, endless, exponentials, heavy, jet_lines, last_terms
 from filippov.kernel.language.unit import Constant
 from filippov.model.size import expanded
 from filippov.model.surface import Surface
@@ -39,20 +39,24 @@ def system_jets(
     can = [i for i, q in enumerate(surfaces) if (q.kind == "switching" and not q.width) or q.contact]
     sliding = [] if free_only else [i for i in can if i < len(form.h)][:MOST_SLIDING]
     lines: list[str] = []
+    chosen: dict[int, str] = {}
     room, n = 0, len(form.x)
     graphs = {i: _graph(form, i, rows) for i in (-1, *sliding)}
     own = {i: endless(graph, results[:n]) for i, (graph, results) in graphs.items()}
     tails = max(map(len, own.values()))
     if any(own[i] and heavy(graph, order) for i, (graph, _) in graphs.items()):
         tails = -1
+    decaying = max(exponentials(graph, own[i]) for i, (graph, _) in graphs.items()) if tails > 0 else 0
     for i, (graph, results) in graphs.items():
-        name = "free_jets" if i < 0 else f"sliding_jets_{i}"
-        lines += ["", "@contract"]
-        lines += [f"def {name}({_ARGUMENTS}) -> int:"]
         kept = [*own[i], *[-1] * (tails - len(own[i]))] if tails > 0 else []
-        text, used = jet_lines(graph, results, order, kept)
-        lines += [*text, "    return 0", ""]
-        room = max(room, used)
+        exponents = [] if heavy(graph, order) else chosen_exponents(graph, results)
+        for squares in (True, False) if exponents else (False,):
+            lines += ["", "@contract", f"def {_name(i, squares)}({_ARGUMENTS}) -> int:"]
+            text, used = jet_lines(graph, results, order, kept, decaying, squares)
+            lines += [*text, "    return 0", ""]
+            room = max(room, used)
+        if exponents:
+            chosen[i] = " and ".join(f"{exponent} == 2.0" for exponent in exponents)
     lines += [
         "", "@kernel",
         "def jets(",
@@ -66,10 +70,59 @@ def system_jets(
     for i in sliding:
         lines += [f"        if i == {i}:", f"            return sliding_jets_{i}(t, x, p, m, m, work, out)"]
     lines += ["        return 1", "    return 1", "", *_end_lines(n, n + 2 * rows, order)]
+    beside = len(sliding) == len(can) and not any(heavy(graph, order) for graph, _ in graphs.values())
+    if beside:
+        lines += _beside_each_other(sliding, (n + 2 * rows) * order, room, chosen)
     constants: dict[str, Constant] = {
         "JETS": n + 2 * rows, "JET_ROOM": room, "TAILS": tails, "LAST": last_terms(order),
+        "IN_LANES": beside, "DECAYING": decaying,
     }  # fmt: skip
     return Generated("\n".join(lines), constants)
+
+
+def _name(sliding: int, squares: bool) -> str:
+    """The kernel of a mode; of one whose exponents are 2."""
+    return ("free_jets" if sliding < 0 else f"sliding_jets_{sliding}") + ("_of_squares" if squares else "")
+
+
+def _indented(levels: int, lines: Sequence[str]) -> list[str]:
+    return ["    " * levels + line for line in lines]
+
+
+def _called_beside(i: int, chosen: Mapping[int, str], out: str = "work, out") -> list[str]:
+    """The call of a mode in lanes, which cannot branch by one: of squares where all have exponents of 2."""
+    calls = [f"{_name(i, squares)}(t, x, p, m, m, {out})" for squares in (True, False)]
+    if i not in chosen:
+        return calls[1:]
+    return [f"if everywhere({chosen[i]}):", f"    {calls[0]}", "else:", f"    {calls[1]}"]
+
+
+def _beside_each_other(
+    sliding: Sequence[int], size: int, room: int, chosen: Mapping[int, str]
+) -> list[str]:
+    """The kernel `lane_jets`: lanes that slide may do so on different surfaces."""
+    lines = [
+        "@lanes",
+        "def lane_jets(",
+        "    t: float, x: Vector, p: Vector, m: Vector, work: Vector, out: Vector, spare: Vector,",
+        "    iw: Integers",
+        ") -> None:",
+        "    if iw.sliding == 0:",
+        *_indented(2, _called_beside(-1, chosen)),
+        "        return",
+    ]
+    for i in sliding[:1]:
+        lines += _indented(1, _called_beside(i, chosen))
+    for i in sliding[1:]:
+        lines += [
+            f"    if anywhere(m[{i}] == 0.0):",
+            *_indented(2, _called_beside(i, chosen, f"shift(spare, {size}), spare")),
+            f"        for a in range({size}):",
+            f"            out[a] = spare[a] if m[{i}] == 0.0 else out[a]",
+            f"        for a in range({room}):",
+            f"            work[a] = spare[{size} + a] if m[{i}] == 0.0 else work[a]",
+        ]
+    return [*lines, ""]
 
 
 def _end_lines(n: int, width: int, order: int) -> list[str]:

@@ -2,9 +2,9 @@
 
 from filippov.kernel.lanes.lane_field import uncoupled
 from filippov.kernel.language.primitives import Indices, Vector, kernel, truncate
-from filippov.kernel.language.records import all_of, size_of
-from filippov.kernel.loop.model import CONTACT, STAGES, M, N, P
-from filippov.kernel.loop.state import Clock, Group, Trajectory
+from filippov.kernel.language.records import Lanes, all_of, size_of
+from filippov.kernel.loop.model import CONTACT, DECAYING, JETS, LAST, SERIES, STAGES, TAILS, M, N, P
+from filippov.kernel.loop.state import Clock, Group, Scratch, Trajectory
 from filippov.kernel.tables.layout import LANES
 
 
@@ -34,7 +34,8 @@ def settled(clock: Clock, m: Vector, order: Indices) -> bool:
             if CONTACT[i] != 0:
                 return False
             sliding += 1
-    return (sliding <= 1 or uncoupled() == 1) and clock.relative == 0.0 and clock.step > 0.0
+    several = sliding > 1 and (SERIES or uncoupled() == 0)
+    return not several and clock.relative == 0.0 and clock.step > 0.0
 
 
 @kernel
@@ -45,6 +46,23 @@ def release(lane: int, group: Group, rows: Indices) -> None:
     clock.t_end[lane] = clock.t[lane]
     for i in range(M):
         m[i * LANES + lane] = 1.0 if m[i * LANES + lane] == 0.0 else m[i * LANES + lane]
+
+
+@kernel
+def leave_series(lane: int, run: Trajectory, w_l: Lanes[Scratch]) -> None:
+    """Hand over the coefficients of a lane's step, and where they were taken."""
+    w, origin = run.w, run.w.origin
+    draw_in(lane, (STAGES - 1) * JETS, w_l.jet, w.jet)
+    if TAILS > 0:
+        draw_in(lane, 2 * LAST * TAILS + DECAYING * (STAGES - 1), w_l.jet_room, w.jet_room)
+    draw_in(lane, N, w_l.jet_end, w.jet_end)
+    draw_in(lane, N, w_l.miss, w.miss)
+    w.checked, w.explicit = w_l.checked[lane], 0.0
+    origin.t = run.clock.t
+    for j in range(N):
+        origin.x[j] = run.x[j]
+    for i in range(M):
+        origin.m[i] = run.m[i]
 
 
 @kernel
@@ -72,6 +90,8 @@ def leave(lane: int, run: Trajectory, group: Group) -> None:
         draw_in(lane, 2 * M, w_l.radius, w.radius)
         draw_in(lane, M, w_l.touch, w.touch)
         draw_in(lane, M, w_l.attract, w.attract)
+        if SERIES:
+            leave_series(lane, run, w_l)
         for i in range(M):
             draw_in(lane, size_of(w.mult[i]), all_of(w_l.mult[i]), all_of(w.mult[i]))
 

@@ -6,6 +6,7 @@ to the caller, and the lane is left as it was.
 """
 
 from filippov.kernel.lanes.lane_field import uncoupled
+from filippov.kernel.lanes.lane_series import series_error, series_length, series_may_vanish, series_stages
 from filippov.kernel.language.primitives import (
     Indices,
     Vector,
@@ -36,12 +37,14 @@ from filippov.kernel.loop.model import (
     LINEAR,
     MOVING,
     ORDER,
+    SERIES,
     STAGES,
     STRAIGHT,
     WIDTH,
     M,
     N,
     free_stages,
+    lane_jets,
     sliding_stages,
 )
 from filippov.kernel.loop.search import FALLING, LATE, ROUNDED
@@ -127,6 +130,12 @@ def lane_step(group: Group, iw: Integers, ctx: Indices) -> int:
     x, p, m, order, atol = group.x, group.p, group.m, group.order, group.atol
     t, y, last_k = clock.t, w.y, shift(w.k, (STAGES - 1) * N)
     remaining = clock.t_end - t
+    if SERIES:
+        # Where they are no numbers, the error is none, and the lane is left to the plain loop.
+        lane_jets(t, x, p, m, w.jet_room, w.jet, w.spare, iw)
+        # After a rejected step the shorter one is kept.
+        length = series_length(x, clock.rtol, atol, clock.step, w)
+        clock.step = clock.step if clock.grow == 1.0 else length
     step = w.direction * min(clock.step, clock.max_step)
     last = abs(step) >= abs(remaining) * (1.0 - 1e-12)
     step = remaining if last else step
@@ -134,13 +143,18 @@ def lane_step(group: Group, iw: Integers, ctx: Indices) -> int:
     stuck = tally.left <= 0.0 or (not last and size <= least_step(t, clock.t_start, clock.t_end))
     te = clock.t_end if last else t + step
     clear_ranges(w, iw)
-    if iw.sliding > 0:
+    if SERIES:
+        series_stages(t, x, p, m, step, y, w, iw, ctx)
+    elif iw.sliding > 0:
         sliding_stages(t, x, p, m, step, y, w, iw, ctx)
     else:
         free_stages(t, x, p, m, step, y, w, iw, ctx)
     if END_IN_ERROR:
         field(t + step, y, p, m, last_k, w, iw, ctx)
-    error = error_norm(x, y, step, clock.rtol, atol, -1, 0, 1.0, 0.0, w)
+    if SERIES:
+        error = series_error(x, y, step, clock.rtol, atol, w)
+    else:
+        error = error_norm(x, y, step, clock.rtol, atol, -1, 0, 1.0, 0.0, w)
     calls = float(STAGES - 1)
     if iw.sliding > 0:
         project(te, y, p, m, w.h, w, iw, ctx)
@@ -152,7 +166,12 @@ def lane_step(group: Group, iw: Integers, ctx: Indices) -> int:
     refused = error > 1.0 and error < 1e300 and not stuck
     valid = error <= 1.0 and finite(last_k, N) and finite(y, N) and finite(w.end, 2 * M)
     valid = valid and not stuck
-    good = valid and not may_vanish(step, m, order, w, iw)
+    if SERIES:
+        good = valid and not series_may_vanish(step, m, order, w, iw)
+        # A series shows that a multiplier stays in its set, but not that it reaches the end of it.
+        good = good and not (last and iw.sliding > 0)
+    else:
+        good = valid and not may_vanish(step, m, order, w, iw)
     if anywhere(last):
         good = good and not (last and ends_at_surface(te, clock.t_start, m, order, w))
     factor = 10.0 if error == 0.0 else step_factor(error)

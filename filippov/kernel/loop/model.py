@@ -24,7 +24,7 @@ DENSE: powers of the dense output, one row per stage; DENSE_BERNSTEIN: the same 
 the stages that have weights there.
 """
 
-from filippov.kernel.language.primitives import Indices, Vector, entry, kernel
+from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, lanes
 from filippov.kernel.loop.state import Integers, Scratch, Sizes
 from filippov.kernel.tables.root_tables import to_bernstein
 from filippov.kernel.tables.tableaus import DOP853, weighted
@@ -37,8 +37,9 @@ STAGES, EXTRA, DEGREE_DENSE = 13, 3, 7
 RULE = 0
 ORDER, END_IN_ERROR, IMPLICIT, SERIES = 8, False, False, False
 # Of Taylor's method: coefficients per order (field, two rows per surface), the series behind the field whose
-# ends are stored (-1: not known) and half the coefficients of each; the interpolant of DOP853.
-JETS, TAILS, LAST, STAND_IN_STAGES = 3, 0, 4, 16
+# ends are stored (-1: not known), half the coefficients of each, how many, the first, are exponentials whose
+# exponents are stored behind; stages of the interpolant of DOP853.
+JETS, TAILS, LAST, DECAYING, STAND_IN_STAGES = 3, 0, 4, 0, 16
 ROLE: list[int] = [0]
 LINEAR: list[int] = [1]
 ROOTED: list[int] = [0]
@@ -175,6 +176,13 @@ def jets(t: float, x: Vector, p: Vector, m: Vector, work: Vector, out: Vector, i
     `sliding_guards` has them.
     """
     return 1
+
+
+@lanes
+def lane_jets(
+    t: float, x: Vector, p: Vector, m: Vector, work: Vector, out: Vector, spare: Vector, iw: Integers
+) -> None:
+    """The same for lanes, each off all surfaces or sliding on one."""
 
 
 @kernel

@@ -14,6 +14,7 @@ from filippov.kernel.language.primitives import Indices, Vector, from_bits, inli
 from filippov.kernel.loop.model import (
     CONTACT,
     CONTACTS,
+    DECAYING,
     DEGREE_DENSE,
     JETS,
     LAST,
@@ -51,7 +52,8 @@ def series_step(
     """A step by the coefficients at (t, x), or `before` where that one was tried or there are none.
 
     It is at most `GROWTH` times what the last step suggests, for what the coefficients cannot show, and ends
-    before the nearest singularity of what the field is made of.
+    before the nearest singularity of what the field is made of, and before an exponential that cannot be seen
+    from its start becomes one that can.
     """
     if taken_here(t, x, m, w):
         return before
@@ -71,10 +73,33 @@ def series_step(
         length = min(length, root_of_inverse(earlier / float(STAGES - 2), STAGES - 2))
     length = min(length, GROWTH * before)
     for row in range(TAILS):
+        if row < DECAYING and w.jet_room[exponent_at(row)] < 2.0 * INVISIBLE:
+            while length > 0.0 and exponent(row, length, w) >= INVISIBLE:
+                length *= 0.5
         growth = last_growth(row, length, w)
         if growth > REACHES and growth < 1e300:
             length *= root_of_inverse(growth / REACHES, LAST)
     return length
+
+
+# The exponent of an exponential that no field shows: exp(-100) is 4e-44.
+INVISIBLE = -100.0
+
+
+@inline
+@kernel
+def exponent_at(row: int) -> int:
+    """The place of the exponent's coefficients."""
+    return 2 * LAST * TAILS + row * (STAGES - 1)
+
+
+@kernel
+def exponent(row: int, length: float, w: Scratch) -> float:
+    """A bound of the exponent of an exponential in a step, from all of its terms."""
+    first, rise = exponent_at(row), 0.0
+    for k in range(STAGES - 2, 0, -1):
+        rise = (rise + abs(w.jet_room[first + k])) * length
+    return float(w.jet_room[first] + rise)
 
 
 # The last terms of the series of a part of the field, relative to as many before them: with less it converges
@@ -91,6 +116,8 @@ def last_growth(row: int, length: float, w: Scratch) -> float:
     rounding of the field, but not below those before them. A part that has none, since it is below the least
     number or jumps, is not known.
     """
+    if row < DECAYING and w.jet_room[exponent_at(row)] < INVISIBLE and exponent(row, length, w) < INVISIBLE:
+        return 0.0
     early, late, power = 0.0, 0.0, 1.0
     for q in range(row * 2 * LAST, (row * 2 + 1) * LAST):
         early = max(early, abs(w.jet_room[q]) * power)

@@ -292,6 +292,10 @@ class Scratch(Struct):
     checked: float
     inside: Vector = part(lambda of: LANES * 3 * of.n if of.series else 0)
     explicit: float
+    # Coefficients of another surface's slides, for lanes.
+    spare: Vector = part(
+        lambda of: of.stages * (of.n + 2 * of.m) + of.jet_room if of.series and of.m > 1 else 0
+    )
     rk: Vector = part(lambda of: (DOP853.stages + len(DOP853.extra)) * of.n if of.series else 0)
     jet_room: Vector = part(lambda of: of.jet_room)
     wide: Vector = part(

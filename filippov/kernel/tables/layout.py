@@ -10,5 +10,6 @@ MOST_ENUMERATED = 6
 LANES, MOST_LANES = 8, 16
 # Of a step of a series: the points inside that are checked, one per lane, spaced by the golden section.
 LOOKS: Any = [(0.5 * (5.0**0.5 - 1.0) * (q + 1)) % 1.0 for q in range(LANES)]
+MOST_LOOKS = LANES
 # Rules of sliding by name, in the order of their numbers in `rules`.
 RULES = ("filippov", "moments", "utkin")

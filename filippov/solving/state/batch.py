@@ -65,7 +65,7 @@ def cores() -> int:
 
 def lane_unit(machine: Machine, method: str, lanes: int) -> Compiled:
     """The machine's system and method compiled for several trajectories side by side."""
-    return build(machine.unit.source, machine.constants, method, lanes)
+    return build(machine.source, machine.constants, method, lanes)
 
 
 class Batch:

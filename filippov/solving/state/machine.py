@@ -156,6 +156,7 @@ class Machine:
             small = self.m == 0 and source.startswith("@inline") and not system.inputs
             self.constants = self.constants | jets.constants | {"WIDE": self.constants["WIDE"] or small}
             source += jets.source
+        self.source = source
         self.compiled: Compiled = build(source, self.constants, method)
         self.p = self.derived(p)
         self.w, self.iw = self.compiled.scratch(), self.compiled.integers()
