@@ -12,10 +12,12 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import expm
+from scipy.optimize import brentq
 from sympy import Abs, Expr, Rational
 
-from filippov import Surface, System, TimeEvent, parameters, states
+from filippov import Parameter, Surface, System, TimeEvent, exp, log, parameters, states
 from filippov.analysis.diagrams.regions import regions
+from filippov.analysis.gains.contraction import contraction
 from filippov.analysis.gains.tuning import tune
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.section import Section
@@ -181,4 +183,94 @@ def gains(seed: int) -> str:
     widest = min(math.log(5), float(np.max(np.minimum(below, math.log(highest) - middle))) / 2)
     if math.log(found.margin) < 0.97 * widest:
         return f"margin {found.margin}, possible {math.exp(widest)}"
+    return ""
+
+
+@lru_cache(maxsize=1)
+def unimodal() -> System:
+    """R(d) = s a d (1 - d) (1 + b d)."""
+    p = parameters(a=2.8, b=0.0, s=1.0)
+    tick = Surface("tick", z - 1, reset={x: p.s * p.a * x * (1 - x) * (1 + p.b * x), z: 0 * z}, side="-")
+    return System({x: 0 * x, z: 1 + 0 * z}, surfaces=[tick], parameters=p)
+
+
+def iterates(seed: int) -> str:
+    """Cycles of up to three returns, each counted once, and their multipliers by the chain rule."""
+    rng = np.random.default_rng([66, seed])
+    order, s, b = int(rng.integers(2, 4)), float(rng.choice([-1, 1])), float(rng.uniform(-0.5, 0.5))
+    factors = rng.uniform(2.4, 3.9, 5)
+    found = regions(unimodal(), SECTION, ("a", factors), ("b", [b]), (0, 1), order=order, parameters={"s": s},
+                    points=80)  # fmt: skip
+    grid = np.append(np.geomspace(1.01e-5, 0.01, 400), np.linspace(0.01, 1, 40001)[1:])
+    for j, a in enumerate(factors.tolist()):
+        def orbit(d: np.ndarray | float, a: float = a) -> list:
+            out = [d]
+            for _ in range(order):
+                out.append(s * a * out[-1] * (1 - out[-1]) * (1 + b * out[-1]))
+            return out
+
+        def gap(d: np.ndarray | float, orbit: Callable[..., list] = orbit) -> np.ndarray:
+            return orbit(d)[-1] - d
+
+        left = gap(grid)
+        roots = [brentq(gap, *grid[k : k + 2], xtol=1e-15) for k in np.flatnonzero(left[:-1] * left[1:] < 0)]
+        cycles: dict[float, float] = {}
+        for root in roots:
+            points = np.array(orbit(root)[:-1])
+            slope = np.prod(s * a * ((1 - 2 * points) * (1 + b * points) + b * points * (1 - points)))
+            inside = [q for q in roots if np.min(np.abs(points - q)) < 1e-7]
+            cycles[max(inside)] = float(abs(slope))
+        if any(abs(slope - 1) < 1e-3 for slope in cycles.values()):
+            continue
+        held = [d for d, slope in cycles.items() if slope < 1]
+        told, wanted = (found.cycles[0, j], found.stable[0, j]), (len(cycles), len(held))
+        if told != wanted or (held and abs(found.amplitude[0, j] / max(held) - 1) > 1e-6):
+            return f"a = {a}, order {order}: {told}, {found.amplitude[0, j]}, known {cycles}"
+    return ""
+
+
+def peaks(seed: int) -> str:
+    """R(d) = -d rho(d) with peaks of rho between the coordinates that are tried, over two bounded gains."""
+    rng = np.random.default_rng([67, seed])
+    bounds = [{"lower": float(low), "upper": float(high)} for low, high in
+              zip(rng.uniform(0.1, 0.5, 2), rng.uniform(2, 20, 2), strict=True)]  # fmt: skip
+    base, slopes = rng.uniform(0.5, 0.8), rng.normal(size=2) * 0.15
+    hills = [(rng.uniform(0.15, 0.9), rng.uniform(0.04, 0.15), rng.uniform(0.1, 0.4), *rng.normal(size=3) / 4)
+             for _ in range(int(rng.integers(1, 4)))]  # fmt: skip
+
+    def rho(d, a, b, e):  # type: ignore[no-untyped-def]
+        every = [h * (1 + f * a + g * b) * e(-(((d - m - s * a / 3) / w) ** 2)) for m, w, h, f, g, s in hills]
+        return base + slopes[0] * a + slopes[1] * b + (a**2 + b**2) / 10 + sum(every)
+
+    p = parameters(K=Parameter(1.0, **bounds[0]), L=Parameter(1.0, **bounds[1]))
+    tick = Surface("tick", z - 1, reset={x: -x * rho(Abs(x), log(p.K), log(p.L), exp), z: 0 * z}, side="-")
+    system = System({x: 0 * x, z: 1 + 0 * z}, surfaces=[tick], parameters=p)
+    d = np.append(np.geomspace(1e-6, 5e-4, 30), np.linspace(5e-4, 1, 2000))
+
+    def known(gains: np.ndarray) -> np.ndarray:
+        a, b = np.log(gains.T)[:, :, None]
+        return np.max(np.abs(rho(d, a, b, np.exp)), axis=1)
+
+    low, high = (np.array([one[side] for one in bounds]) for side in ("lower", "upper"))
+    some = rng.uniform(0.6, 1.8, (20, 2))
+    told = contraction(system, SECTION, {"K": some[:, 0], "L": some[:, 1]}, (0, 1)).ratio
+    if np.max(np.abs(told - known(some))) > 2e-3:
+        return f"ratios {told}, known {known(some)}"
+    found = tune(system, SECTION, {"K": (0.6, 1.8), "L": (0.6, 1.8)}, (0, 1), samples=64, seed=seed)
+    if found.best is None:
+        return ""
+    best = np.array(list(found.best.values()))
+    if abs(found.best_ratio - known(best[None])[0]) > 2e-3:
+        return f"{found.best_ratio} at {best}, known {known(best[None])}"
+    box = best * found.margin ** rng.uniform(-1, 1, (2000, 2))
+    if np.any(known(box) >= 1) or np.any(box < low) or np.any(box > high):
+        return f"the box {best}, {found.margin} is not free of cycles within {bounds}"
+    for k, limit in enumerate(found.limits):
+        for end, to in ((limit.lower, low[k]), (limit.upper, high[k])):
+            line = np.tile(best, (2001, 1))
+            line[:, k] *= np.clip(to / best[k], 0.2, 5.0) ** np.linspace(0, 1, 2001)
+            grows = np.flatnonzero(known(line) >= 1)
+            border = float(line[grows[0], k]) if grows.size else None
+            if (border is None) != (end is None) or (border and abs(end / border - 1) > 3e-3):
+                return f"{limit}, known {border}"
     return ""

@@ -37,3 +37,13 @@ def test_12_6_multipliers_of_affine_systems_with_a_clock(seed: int) -> None:
 @pytest.mark.parametrize("seed", MORE)
 def test_12_6_gains_of_a_map_in_closed_form(seed: int) -> None:
     assert not map_draws.gains(seed)
+
+
+@pytest.mark.parametrize("seed", MORE)
+def test_12_6_cycles_of_several_returns_count_once(seed: int) -> None:
+    assert not map_draws.iterates(seed)
+
+
+@pytest.mark.parametrize("seed", range(DRAWS))
+def test_12_6_gains_of_maps_with_peaks_within_bounds(seed: int) -> None:
+    assert not map_draws.peaks(seed)

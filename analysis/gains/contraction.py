@@ -15,13 +15,12 @@ import numpy as np
 from scipy.optimize import elementwise
 
 from filippov import System, UsageError
-from filippov.analysis.maps.gap_roots import coordinates
+from filippov.analysis.maps.gap_roots import NOISE, coordinates
 from filippov.analysis.maps.map_rows import MapRows
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
 
-CLOSEST = 1e-6
-NEAR, STEPS = 0.8, 12
+CLOSEST, STEPS = 1e-6, 12
 
 
 @dataclass(frozen=True)
@@ -78,19 +77,21 @@ def contraction(
     known = np.nan_to_num(ratio, nan=-1.0)
     best = np.argmax(known, axis=1)
     largest, at = known[np.arange(count), best], d[best]
-    # Between the samples the largest ratio is a little larger: looked for where that may decide.
-    side = np.clip(best, 1, d.size - 2)
-    inner = (side == best) & (d[side - 1] * d[side + 1] > 0)
-    close = np.nonzero((largest > NEAR) & (largest < 1) & inner)[0]
-    if close.size:
+    # Between the samples every maximum is a little higher: looked for where it may be the largest.
+    middle = known[:, 1:-1]
+    bend = 2.0 * middle - known[:, :-2] - known[:, 2:]
+    peaks = (middle >= np.maximum(known[:, :-2], known[:, 2:])) & (d[:-2] * d[2:] > 0)
+    peaks &= (middle + bend > largest[:, None]) & (bend > NOISE * rtol * middle)
+    row, k = np.nonzero(peaks)
+    if row.size:
 
         def smallness(at: Array, row: Array) -> Array:
             return -np.nan_to_num(np.abs(event_maps(rows[row.astype(int)], at[:, None])[:, 0] / at), nan=-1.0)
 
-        k = best[close]
-        peak = elementwise.find_minimum(smallness, (d[k - 1], d[k], d[k + 1]), args=(close,), maxiter=STEPS)
-        found = -peak.f_x > largest[close]
-        at[close[found]], largest[close[found]] = peak.x[found], -peak.f_x[found]
+        peak = elementwise.find_minimum(smallness, (d[k], d[k + 1], d[k + 2]), args=(row,), maxiter=STEPS)
+        order = np.argsort(-peak.f_x)
+        order = order[-peak.f_x[order] > largest[row[order]]]
+        at[row[order]], largest[row[order]] = peak.x[order], -peak.f_x[order]
     nearest = np.max(ratio[:, np.abs(d) < 2 * nearest_d], axis=1)
     return Contraction(
         np.where(largest < 0, np.inf, largest), at, nearest, np.mean(np.isnan(ratio), axis=1)

@@ -51,9 +51,10 @@ class Tuning(Told):
 
     names      the gains; gains: samples (k, g); ratio: rho of each, the largest over the band
     best       gains with the largest margin found, None where no sample is free of cycles
-    margin     factor s <= 5 by which every gain may change, in any combination; 1 without best
+    margin     factor s <= 5 by which every gain may change within its bounds, in any combination; 1 without
+               best
     best_ratio rho at the best gains
-    limits     borders of every gain alone within a factor of 5, the others at the best
+    limits     borders of every gain alone within a factor of 5 and its bounds, the others at the best
     share      share of the samples that is free of cycles
     reason     why there is none, "" where there is one
     lost       share of the samples with a solution that did not return within t_max; they count as cycles
@@ -184,12 +185,17 @@ class _Search:
             low, high = row(f"over: {name}", pair, 2)
             if not 0 < low < high < np.inf:
                 raise UsageError(f"the range of {name} is ({low}, {high}), expected 0 < low < high.")
+            for end in (low, high):
+                system.parameters[name].check(end, f"over: {name}")
         if not band:
             raise UsageError("band is empty, expected at least one set of values; {} changes nothing.")
         self.system, self.section, self.interval, self.points = system, section, interval, points
         self.parameters, self.band = parameters, band
         self.low = np.log([pair[0] for pair in ranges.values()])
         self.high = np.log([pair[1] for pair in ranges.values()])
+        declared = [system.parameters[name] for name in ranges]
+        self.least = np.array([max(gain.lower or 0.0, 0.0) for gain in declared])
+        self.most = np.array([np.inf if gain.upper is None else gain.upper for gain in declared])
         self._u: list[Array] = []
         self._ratio: list[Array] = []
         self._nearest: list[Array] = []
@@ -216,7 +222,7 @@ class _Search:
             left = np.nonzero(worst < 1)[0]
             if not left.size:
                 break
-            gains = np.exp(u[left])
+            gains = np.clip(np.exp(u[left]), self.least, self.most)
             found = contraction(
                 self.system, self.section, {n: gains[:, k] for k, n in enumerate(self.names)}, self.interval,
                 parameters={**self.parameters, **item}, points=self.points,
@@ -238,7 +244,7 @@ class _Search:
             left = np.flatnonzero(~found)
             if not left.size:
                 break
-            gains = np.exp(u[left])
+            gains = np.clip(np.exp(u[left]), self.least, self.most)
             seen = contraction(
                 self.system, self.section, {n: gains[:, k] for k, n in enumerate(self.names)}, self.interval,
                 parameters={**self.parameters, **item}, points=FEW, least=NOT_SMALL,
@@ -277,20 +283,29 @@ class _Search:
 
     def roomiest(self, places: Array, random: np.random.Generator) -> tuple[Array, float]:
         """Center and half-width of the largest box without a point known to hunt, from `places` (k, g)."""
-        if not any(len(part) for part in self._bad):
-            return places[0], FARTHEST
-        tree, size = cKDTree(np.concatenate(self._bad)), len(self.names)
+        bad, size = np.concatenate([np.empty((0, len(self.names))), *self._bad]), len(self.names)
+        tree = cKDTree(bad) if len(bad) else None
+
+        def room(centers: Array) -> Array:
+            near = FARTHEST if tree is None else tree.query(centers, p=np.inf)[0]
+            inside = np.min(self.free(centers), axis=(0, 2))
+            return np.asarray(np.minimum(np.minimum(near, FARTHEST), inside))
+
         width = 0.5 * (self.high - self.low)
         centers = np.vstack((places, random.uniform(self.low, self.high, (SCATTER, size))))
         for _ in range(NARROWINGS):
-            room = np.minimum(tree.query(centers, p=np.inf)[0], FARTHEST)
             # Stable: of several that are as good the one that is known longest.
-            leading = centers[np.argsort(-room, kind="stable")[:LEADING]]
+            leading = centers[np.argsort(-room(centers), kind="stable")[:LEADING]]
             moves = width * random.uniform(-1, 1, (SCATTER // LEADING, LEADING, size))
             near = np.clip(leading + moves, self.low, self.high)
             centers = np.vstack((leading, near.reshape(-1, size)))
             width = 0.6 * width
-        return leading[0], min(float(tree.query(leading[0], p=np.inf)[0]), FARTHEST)
+        return leading[0], float(room(leading[:1])[0])
+
+    def free(self, u: Array) -> Array:
+        """How far points (k, g) are from the least and from the greatest gains that the model has."""
+        with np.errstate(divide="ignore"):
+            return np.array([u - np.log(self.least), np.log(self.most) - u])
 
     def margin(self, center: Array, least: float, most: float, random: np.random.Generator) -> float:
         """Largest half-width <= `most` of a box free of cycles at all probes of its surface; 0 if <= `least`.
@@ -330,10 +345,10 @@ class _Search:
         return np.concatenate((corners, sides, others)) if size > 1 else sides
 
     def limit(self, center: Array, k: int) -> GainLimit:
-        """Borders of gain k alone, to 1e-6 of it, within a factor of 5."""
+        """Borders of gain k alone, to 1e-6 of it, within a factor of 5 and its own bounds."""
         ends: list[float | None] = []
-        for side in (-1.0, 1.0):
-            steps = np.linspace(0.0, FARTHEST, 41)
+        for side, free in zip((-1.0, 1.0), self.free(center)[:, k].tolist(), strict=True):
+            steps = np.linspace(0.0, min(FARTHEST, free), 41)
             line = np.repeat(center[None, :], steps.size, axis=0)
             line[:, k] += side * steps
             beyond = self.first(line)

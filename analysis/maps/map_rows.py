@@ -57,9 +57,13 @@ class MapRows:
 
     def __call__(self, rows: Array, d: Array) -> Array:
         """Images of coordinates d (k, q) under parameter rows (k, P), shape (k, q)."""
+        return self.returned(rows, d, self.order)
+
+    def returned(self, rows: Array, d: Array, count: int) -> Array:
+        """Coordinates after so many returns, whatever the order of the map; shapes as for a call."""
         image = d.ravel().copy()
         every = np.repeat(rows, d.shape[1], axis=0)
-        for _ in range(self.order):
+        for _ in range(count):
             alive = np.nonzero(np.isfinite(image) & (image != 0.0))[0]
             if alive.size:
                 image[alive] = self._first_return(every[alive], image[alive])
