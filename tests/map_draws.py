@@ -76,6 +76,34 @@ def basins(seed: int) -> str:
     return "" if len(ends) == len(known) and np.allclose(ends, known, atol=1e-8) else f"{ends}, known {known}"
 
 
+def folded_basins(seed: int) -> str:
+    """Maps that fold: where iterates of 20,000 coordinates go, by iterating."""
+    rng = np.random.default_rng([68, seed])
+    r = np.sort(rng.uniform(0.1, 1.2, 3))
+    c = float(rng.choice([-1, 1]) * rng.uniform(1, 5))
+    event_map = EventMap(quartic(), SECTION, parameters={"c": c, "r0": r[0], "r1": r[1], "r2": r[2]})
+    points, every, d = 200, np.array([0.0, *r]), np.linspace(0, 1.3, 20_003)[1:-1]
+    ahead = d.copy()
+    with np.errstate(all="ignore"):
+        for _ in range(3000):
+            ahead -= c * ahead * (ahead - r[0]) * (ahead - r[1]) * (ahead - r[2])
+    slopes = np.array([1 - c * np.prod(q - np.delete(every, k)) for k, q in enumerate(every)])
+    if np.min(np.abs(np.abs(slopes) - 1)) < 0.01:
+        return ""
+    known = np.full(d.size, np.nan)
+    for q in every[np.abs(slopes) < 1]:
+        known[np.abs(ahead - q) < 1e-6] = q
+    told = np.full(d.size, np.nan)
+    for part in event_map.basins(0.0, 1.3, points):
+        if part.attractor is not None:
+            told[(d > part.lo) & (d < part.hi)] = part.attractor
+    wrong = ~np.isclose(told, known, atol=1e-6, equal_nan=True)
+    # What is narrower than the grid of the search is missed.
+    run = np.diff(np.flatnonzero(np.diff(np.concatenate(([0], wrong, [0])))))[::2] * (d[1] - d[0])
+    widest = float(np.max(run, initial=0.0))
+    return f"{c}, {r}: wrong over {widest} at {d[wrong][:3]}" if widest > 2 * 1.3 / (points / 2) else ""
+
+
 def cells(seed: int) -> str:
     """Cycles, stable ones and the verdict of the set over two parameters."""
     rng = np.random.default_rng([62, seed])

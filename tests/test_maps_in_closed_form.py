@@ -47,3 +47,8 @@ def test_12_6_cycles_of_several_returns_count_once(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(DRAWS))
 def test_12_6_gains_of_maps_with_peaks_within_bounds(seed: int) -> None:
     assert not map_draws.peaks(seed)
+
+
+@pytest.mark.parametrize("seed", MORE)
+def test_12_6_basins_of_maps_that_fold(seed: int) -> None:
+    assert not map_draws.folded_basins(seed)

@@ -9,7 +9,6 @@ Where the solution of a coordinate rests for ever, R(d) = d is no cycle: such co
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +30,8 @@ TIGHT, CLOSEST = 1e-12, 1e-5
 # Halvings between the coarse grid and the smallest coordinate, a decade in about three.
 PER_DECADE = 6
 _SAME = 1e-6
+# Halvings of what lies between two coordinates that go elsewhere.
+_HALVINGS = 45
 # Iterates that come nearer to a stable fixed point one after the other, before it counts as reached.
 NEARER = 60
 # What rounding may leave of R(d) - d, in units of the smallest coordinate that it leaves.
@@ -78,8 +79,7 @@ class FixedPoint(Told):
 
     def apart(self, d: float) -> float:
         """How far a coordinate is from it; 0 on an interval of rests."""
-        low, high = self.rests or (self.d, self.d)
-        return max(low - d, d - high, 0.0)
+        return float(_apart(self, np.array(d)))
 
     @property
     def stable(self) -> bool:
@@ -326,39 +326,82 @@ def jumps(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tupl
 
 
 def basins(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tuple[BasinInterval, ...]:
-    """Intervals of [lo, hi] between repelling points, each with the attractor its middle goes to."""
+    """Intervals of [lo, hi] that go to the same attractor: between repelling points, and between what the map
+    takes across them.
+
+    Where the map increases between two repelling points the middle decides, else every coordinate of the
+    search, and where two neighbours go elsewhere what lies between is halved. An interval that holds none of
+    them is missed.
+    """
     known = fixed_points(event_map, lo, hi, points)
     sets = [point for point in known if point.rests is not None]
-    attractors = [point for point in known if point.stable]
     hidden = max((point.hidden for point in known if point.stable), default=0.0)
     edges = {-hidden, hidden} if hidden else set()
     edges |= {point.d for point in known if not point.stable and point not in sets}
     edges |= {end for point in sets for end in point.rests or ()}
-    borders = [lo, *sorted(edge for edge in edges if lo < edge < hi), hi]
+    borders = np.array([lo, *sorted(edge for edge in edges if lo < edge < hi), hi])
+    middle = 0.5 * (borders[:-1] + borders[1:])
+    d = np.union1d(grid(lo, hi, points), middle)
+    d = d[~np.isin(d, borders)]
+    piece, image = np.searchsorted(borders, d) - 1, np.asarray(event_map(d))
+    folds = ~(np.diff(image) > 0.0) & (np.diff(piece) == 0)
+    asked = np.isin(piece, piece[:-1][folds]) | np.isin(d, middle)
+    asked &= np.maximum(np.abs(borders[piece]), np.abs(borders[piece + 1])) > hidden
+    d, piece = d[asked], piece[asked]
+    target = _goes(event_map, d, known, max(abs(lo), abs(hi)))
+    # NaN is a target as well: none that was found.
+    other = (target[1:] != target[:-1]) & ~(np.isnan(target[1:]) & np.isnan(target[:-1]))
+    k = np.flatnonzero(other & (np.diff(piece) == 0))
+    low, high, left = d[k], d[k + 1], target[k]
+    for _ in range(_HALVINGS if k.size else 0):
+        half = 0.5 * (low + high)
+        to = _goes(event_map, half, known, max(abs(lo), abs(hi)))
+        same = (to == left) | (np.isnan(to) & np.isnan(left))
+        low, high = np.where(same, half, low), np.where(same, high, half)
+    cut = np.union1d(borders, 0.5 * (low + high))
+    at = np.clip(np.searchsorted(d, cut[:-1]), 0, max(d.size - 1, 0))
     out = []
-    for a, b in pairwise(borders):
-        d, target, nearer = 0.5 * (a + b), None, 0
-        if max(abs(a), abs(b)) <= hidden:
-            out.append(BasinInterval(a, b, None))
-            continue
-        for _ in range(2000):
-            before, d = d, float(event_map(d))
-            if not (attractors or sets) or not np.isfinite(d):
-                break
-            # What has come into a set of rests is at rest, whether it attracts or not.
-            at_rest = next((point for point in sets if point.apart(d) == 0.0), None)
-            if at_rest is not None:
-                target = at_rest.d
-                break
-            if not attractors:
-                continue
-            to = min(attractors, key=lambda q: q.apart(d))
-            apart = to.apart(d)
-            # However slowly: it comes nearer, and no other fixed point lies on its way.
-            alone = all(not 0 < to.apart(point.d) <= apart for point in known)
-            nearer = nearer + 1 if alone and apart < to.apart(before) else 0
-            if apart <= 1e-6 * max(abs(lo), abs(hi)) or nearer >= NEARER:
-                target = to.d
-                break
-        out.append(BasinInterval(a, b, target))
+    for a, b, q in zip(cut[:-1].tolist(), cut[1:].tolist(), at.tolist(), strict=True):
+        told = d.size > 0 and a < d[q] < b and np.isfinite(target[q])
+        out.append(BasinInterval(a, b, float(target[q]) if told else None))
     return tuple(out)
+
+
+def _goes(event_map: ScalarMap, d: Array, known: tuple[FixedPoint, ...], size: float) -> Array:
+    """The attractor, or set of rests, that iterates of coordinates (k,) come to; NaN where none is found."""
+    sets = [point for point in known if point.rests is not None]
+    attractors = [point for point in known if point.stable]
+    out, nearer, d = np.full(d.size, np.nan), np.zeros(d.size, dtype=np.int64), d.copy()
+    left = np.arange(d.size if attractors or sets else 0)
+    to = np.array([point.d for point in attractors])
+    # However slowly: it comes nearer, and no other fixed point lies on its way.
+    ways = [[q for point in known if (q := one.apart(point.d)) > 0.0] for one in attractors]
+    clear = np.array([min(way, default=np.inf) for way in ways])
+    for _ in range(2000):
+        if not left.size:
+            break
+        before, d[left] = d[left], np.asarray(event_map(d[left]))
+        now = d[left]
+        going = np.isfinite(now)
+        for point in sets:
+            # What has come into a set of rests is at rest, whether it attracts or not.
+            rests = going & (_apart(point, now) == 0.0)
+            out[left[rests]] = point.d
+            going &= ~rests
+        if attractors:
+            apart = np.array([_apart(point, now) for point in attractors])
+            k = np.argmin(apart, axis=0)
+            apart = apart[k, np.arange(now.size)]
+            last = np.array([_apart(point, before) for point in attractors])[k, np.arange(now.size)]
+            nearer[left] = np.where((apart < clear[k]) & (apart < last), nearer[left] + 1, 0)
+            reached = going & ((apart <= 1e-6 * size) | (nearer[left] >= NEARER))
+            out[left[reached]] = to[k[reached]]
+            going &= ~reached
+        left = left[going]
+    return out
+
+
+def _apart(point: FixedPoint, d: Array) -> Array:
+    """How far coordinates of any shape are from it; 0 on an interval of rests."""
+    low, high = point.rests or (point.d, point.d)
+    return np.maximum(np.maximum(low - d, d - high), 0.0)
