@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from filippov import System, parameters, sign, states
-from filippov.analysis import EventMap, Section
+from filippov.analysis import EventMap, Section, basin
 
 X, V = states("x v")
 AT_LEFT = {"x": "-d", "v": "0"}
@@ -91,6 +91,21 @@ def test_a_set_that_draws_solutions_in(seed: int) -> None:
     intervals = the_map.basins(-c - 1.8 * s, -c + 1.7 * s, 80)
     assert len(intervals) == 3
     assert {q.attractor for q in intervals} == {one.d}
+
+
+@pytest.mark.parametrize("seed", range(300, 303))
+def test_states_that_rest_go_to_the_set_they_lie_in(seed: int) -> None:
+    """A set beside 0: what starts at rest belongs to it as what comes to rest does."""
+    k, f, _ = _draw(seed)
+    s = f / k
+    c = 2.5 * s
+    section = Section("v", "sliding entry", "x", {"x": "d", "v": "0"}, t_max=60.0)
+    at = {"k": k, "f": f, "n": 0.0, "c": c}
+    places = c + s * np.array([-0.9, -0.3, 0.5, 0.9])
+    found = basin(SYSTEM, section, ("x", places), ("v", [0.0, 0.1 * s * math.sqrt(k)]), (0.5 * s, 5 * s),
+                  order=1, points=24, parameters=at)  # fmt: skip
+    assert found.attractors == pytest.approx((c - s,), rel=1e-6)
+    assert found.label.tolist() == [[0] * 4] * 2
 
 
 def test_iterates_of_the_map() -> None:

@@ -202,7 +202,10 @@ def _labels(
     of_piece = [UNKNOWN if p.attractor is None else attractors.index(cycle_of[p.attractor]) for p in pieces]
     table = np.array([OUTSIDE, *of_piece, OUTSIDE])
     label = table[np.clip(number, -1, len(pieces)) + 1]
-    # A solution that stays on the section is at rest: with the set of equilibria, where that is an attractor.
-    label[rest] = attractors.index(0.0) if 0.0 in attractors else UNKNOWN
+    # A solution that stays on the section is at rest: with the set of rests that it lies in, known by its end
+    # next to 0, else with the set of equilibria at 0, where that is an attractor.
+    own = [p.attractor in (p.lo, p.hi) or (p.attractor == 0.0 and p.lo <= 0.0 <= p.hi) for p in pieces]
+    among = np.array([False, *own, False])[np.clip(number, -1, len(pieces)) + 1]
+    label[rest & ~among] = attractors.index(0.0) if 0.0 in attractors else UNKNOWN
     label[np.isnan(d)] = LOST
     return np.asarray(label, dtype=np.int64)
