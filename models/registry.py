@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.keywords import constructor, keywords
-from filippov.base.names import closest
+from filippov.base.names import unknown
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -208,8 +208,7 @@ def get(name: str) -> Model:
         return _models[name]
     if name in _plug_ins():
         return _load(name)
-    hint = closest(str(name), names())
-    raise UsageError(f"unknown model {name!r}; {hint + ' ' if hint else ''}known: {', '.join(names())}")
+    raise UsageError(unknown("model", name, names()))
 
 
 def broken() -> dict[str, str]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.keywords import keywords
-from filippov.base.names import closest
+from filippov.base.names import unknown
 
 if TYPE_CHECKING:
     from filippov.model.system import System
@@ -257,5 +257,4 @@ def get_study(name: str) -> Study:
         importlib.import_module(f"filippov.models.{BUILT_IN[name]}")
     if name in _studies:
         return _studies[name]
-    hint = closest(str(name), study_names())
-    raise UsageError(f"unknown study {name!r}; {hint + ' ' if hint else ''}known: {', '.join(study_names())}")
+    raise UsageError(unknown("study", name, study_names()))

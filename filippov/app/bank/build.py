@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from sympy import Expr, Symbol
 
 from filippov import ModelError, Surface, System, TimeEvent, parameters
-from filippov.app.bank.notation import Number, formula, number
+from filippov.app.bank.notation import formula, number, words
 from filippov.app.bank.system_form import SurfaceForm, SystemForm, TimeEventForm, read_system
 from filippov.base.names import check_known, check_name
 from filippov.model.extract import NONSMOOTH
 from filippov.model.size import Scale
 from filippov.solving.state.options import Options
 
-_WORD = re.compile(r"[^\W\d]\w*")
 NUMBERS = ("rtol", "atol", "first_step", "max_step", "max_steps", "max_events")
 OPTIONS = (*NUMBERS, "method", "nonunique", "zeno", "simultaneous", "sliding")
 MOST_SURFACES = 12
@@ -80,22 +77,23 @@ def build(raw: Mapping[str, Any], free: str = "") -> Built:
     if max(len(h), len(functions)) > MOST_SURFACES:
         found = f"{len(h)} h and {len(functions)} event_functions"
         raise ModelError(f"the case has {found}, expected at most {MOST_SURFACES} of each.")
-    every = [_surface(entry, f"h{i}", names) for i, entry in enumerate((*h, *functions))]
+    entries = [entry if isinstance(entry, SurfaceForm) else SurfaceForm(entry) for entry in (*h, *functions)]
+    every = [Surface(**_given(entry, "surface", f"h{i}", names)) for i, entry in enumerate(entries)]
     every[len(h) :] = [dataclasses.replace(surface, kind="observer") for surface in every[len(h) :]]
     fields = _fields(form, raw, names, len(states))
     _check_size(fields)
     if form.time_events:
-        events = [_time_event(entry, f"clock{i}", names) for i, entry in enumerate(form.time_events)]
-        options["time_events"] = events
+        options["time_events"] = [
+            TimeEvent(**_given(entry, "time event", f"clock{i}", names))
+            for i, entry in enumerate(form.time_events)
+        ]
     if every:
         wide = {signs + "*" * len(functions): row for signs, row in fields.items()}
         system = System.from_modes(every, wide, states, **options)
     else:
         system = System(dict(zip(states, fields[""], strict=True)), **options)
-    if len(system.surfaces) > MOST_KINKS:
-        raise ModelError(
-            f"the formulas jump or bend on {len(system.surfaces)} surfaces, expected at most {MOST_KINKS}."
-        )
+    if (count := len(system.surfaces)) > MOST_KINKS:
+        raise ModelError(f"the formulas jump or bend on {count} surfaces, expected at most {MOST_KINKS}.")
     x0, span = _start(form, values, len(states))
     declared = (*(s.name for s in every), *(event.name for event in system.time_events))
     return Built(system, x0, span, values, declared, fields, _options(form, values), raw)
@@ -112,15 +110,10 @@ def _names(
         del left[name]
     while left:
         # Those that hold none of the others; where there are none, the first one says what is unknown.
-        ready = [name for name, value in left.items() if not _words(value) & (left.keys() - {name})]
+        ready = [name for name, value in left.items() if left.keys().isdisjoint({*words(value)} - {name})]
         for name in ready or list(left)[:1]:
-            names[name] = expression(left.pop(name), names)
+            names[name] = formula(left.pop(name), names)
     return names
-
-
-def _words(value: Any) -> set[str]:
-    """The names in a formula."""
-    return set(_WORD.findall(value)) if isinstance(value, str) else set()
 
 
 def _as_relay(form: SystemForm) -> SystemForm:
@@ -153,11 +146,6 @@ def _options(form: SystemForm, names: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def expression(value: Any, names: Mapping[str, Any]) -> Expr:
-    """A number or a formula as an expression, in loose notation too."""
-    return formula(value if isinstance(value, str) else repr(value), names)
-
-
 def _check_size(fields: Mapping[str, Sequence[Expr]]) -> None:
     """Refuse fields that would take minutes to compile; equal rows count once."""
     scale = Scale()
@@ -165,44 +153,29 @@ def _check_size(fields: Mapping[str, Sequence[Expr]]) -> None:
     nodes = sum(scale.weigh(e)[0] for row in rows for e in row)
     if nodes > MOST_NODES:
         raise ModelError(f"the fields have {nodes} nodes together, expected at most {MOST_NODES}.")
-    kinks = set().union(*(e.atoms(*NONSMOOTH) for row in rows for e in row))
-    if len(kinks) > MOST_KINKS:
-        raise ModelError(
-            f"the fields hold {len(kinks)} different functions that jump or bend, expected at most "
-            f"{MOST_KINKS}."
-        )
+    kinks = len(set().union(*(e.atoms(*NONSMOOTH) for row in rows for e in row)))
+    if kinks > MOST_KINKS:
+        found = f"the fields hold {kinks} different functions that jump or bend"
+        raise ModelError(f"{found}, expected at most {MOST_KINKS}.")
 
 
-def _surface(entry: Number | SurfaceForm, name: str, names: Mapping[str, Any]) -> Surface:
-    form = entry if isinstance(entry, SurfaceForm) else SurfaceForm(entry)
-    given = _given(form, "kind", "side", "contact")
-    if isinstance(form.radius, tuple):
-        given["radius"] = tuple(expression(value, names) for value in form.radius)
-    elif form.radius is not None:
-        given["radius"] = expression(form.radius, names)
-    if form.width is not None:
-        given["width"] = number(form.width, names)
-    if form.reset is not None:
-        given["reset"] = _reset(form.reset, f"surface {name}", names)
-    return Surface(form.name or name, expression(form.h, names), **given)
+def _given(
+    form: SurfaceForm | TimeEventForm, what: str, name: str, names: Mapping[str, Any]
+) -> dict[str, Any]:
+    """What the form gives of a surface or a time event, read; `name`: that of one without a name."""
 
+    def read(key: str, value: Any) -> Any:
+        if key == "reset":
+            check_known(f"state in the reset of {what} {name}:", value, names)
+            return {names[state]: formula(after, names) for state, after in value.items()}
+        if isinstance(value, tuple):
+            return tuple(read(key, one) for one in value)
+        if key in ("h", "radius"):
+            return formula(value, names)
+        return number(value, names) if key in ("width", "period", "start", "times") else value
 
-def _time_event(form: TimeEventForm, name: str, names: Mapping[str, Any]) -> TimeEvent:
-    given: dict[str, Any] = {k: number(value, names) for k, value in _given(form, "period", "start").items()}
-    if form.times is not None:
-        given["times"] = [number(value, names) for value in form.times]
-    if form.reset is not None:
-        given["reset"] = _reset(form.reset, f"time event {name}", names)
-    return TimeEvent(name=form.name or name, **given)
-
-
-def _given(form: Any, *keys: str) -> dict[str, Any]:
-    return {key: getattr(form, key) for key in keys if getattr(form, key) is not None}
-
-
-def _reset(entry: Mapping[str, Number], where: str, names: Mapping[str, Any]) -> dict[Any, Any]:
-    check_known(f"state in the reset of {where}:", entry, names)
-    return {names[key]: expression(value, names) for key, value in entry.items()}
+    given = {field.name: getattr(form, field.name) for field in dataclasses.fields(form)}
+    return {k: read(k, v) for k, v in given.items() if v is not None} | {"name": form.name or name}
 
 
 def _fields(
@@ -223,13 +196,12 @@ def _fields(
             raise ModelError(f"field {signs!r} is {row!r:.60}, expected {n} formulas, one per state.")
         if len(signs) != count or set(signs) - set("+-*"):
             raise ModelError(f"fields has the sign vector {signs!r}, expected {count} of '+', '-' or '*'.")
-        out[signs] = [expression(value, names) for value in row]
-    every = map("".join, itertools.product("+-", repeat=count))
-    return {signs: out[min(out, key=partial(_distance, signs))] for signs in every}
+        out[signs] = [formula(value, names) for value in row]
 
+    def nearest(wanted: str) -> list[Expr]:
+        return out[min(out, key=lambda key: sum(a not in (b, "*") for a, b in zip(key, wanted, strict=True)))]
 
-def _distance(signs: str, given: str) -> int:
-    return sum(a not in (b, "*") for a, b in zip(given, signs, strict=True))
+    return {signs: nearest(signs) for signs in map("".join, itertools.product("+-", repeat=count))}
 
 
 def _start(

@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -35,7 +35,7 @@ from filippov.solving.solution_tree import SolutionTree
 from filippov.solving.solver import solve
 from filippov.solving.state.events import Event, Mode
 from filippov.solving.state.machine import Machine
-from filippov.solving.state.options import Options, falls
+from filippov.solving.state.options import falls
 
 T = TypeVar("T")
 SAMPLES = 64  # of each segment of one mode, for the search of zeros and extremes
@@ -74,11 +74,6 @@ class CaseRuns:
         return {**self.built.options, **self.settings.options}
 
     @property
-    def method(self) -> str:
-        """The method of the solver."""
-        return str(self.options.get("method", Options().method))
-
-    @property
     def names(self) -> Mapping[str, Any]:
         """The meaning of names in the case's formulas."""
         return self.built.names
@@ -109,11 +104,6 @@ class CaseRuns:
         check_known("surface", [surface], declared)
         return declared.index(str(surface))
 
-    @property
-    def t_end(self) -> float:
-        """The end of the span."""
-        return self.built.t_span[1]
-
     def solve(
         self,
         x0: Sequence[float] | None = None,
@@ -125,7 +115,7 @@ class CaseRuns:
         start = tuple(self.built.x0 if x0 is None else x0)
         begin, end = self.built.t_span
         span = (begin if t0 is None else t0, end if t_end is None else t_end)
-        plain = not any(callable(value) for value in options.values())
+        plain = not any(map(callable, options.values()))
         key = (start, span, str(sorted(options.items())) if plain else None)
         if plain and key in self._runs:
             return self._runs[key]
@@ -180,19 +170,16 @@ class CaseRuns:
         """The events on the case's own surfaces; those on kinks of its formulas are left out."""
         return [e for e in (self.main if run is None else run).events if e.surface in self.built.declared]
 
-    def candidates(self) -> tuple[Solution, list[Successor]]:
-        """The run that ends where several modes can follow, and those modes."""
+    def candidates(self) -> list[Successor]:
+        """The modes that can follow where the run first has several."""
         seen: list[Successor] = []
-
-        def end(found: list[Successor]) -> None:
-            seen.extend(found)
-
-        return self.solve(nonunique=end), seen
+        self.solve(nonunique=seen.extend)
+        return seen
 
     def velocity(self, run: Solution, t: float | None = None, side: str = "+") -> tuple[Array, Array]:
         """Field and multipliers of the mode at a time, or at the end of a run."""
         system = run.problem.system
-        machine = Machine(system, self.method, run.problem.p, sliding=run.options.sliding)
+        machine = Machine(system, run.options.stepper, run.problem.p, sliding=run.options.sliding)
         if t is None or t == run.t_end:
             at, x, mode = run.t_end, run.x_end, run.end_mode
             guess = run.end_multipliers
@@ -215,31 +202,23 @@ class CaseRuns:
         parts = [np.linspace(a, b, SAMPLES) for a, b in itertools.pairwise(edges) if b > a]
         return np.unique(np.concatenate(parts))
 
-    def values(self, run: Solution, expression: Expr, times: Array) -> Array:
-        """An expression in t and the states along a run."""
+    def along(self, run: Solution, expression: Expr) -> Callable[[Any], Array]:
+        """An expression in t and the states along a run, as a function of one or more times."""
         assert run.sol is not None
-        rows = run.sol(times)
-        symbols = [time_symbol, *self.built.states]
-        function = sympy.lambdify(symbols, expression, "numpy")
-        return np.broadcast_to(np.asarray(function(times, *rows), dtype=float), times.shape)
+        sol, of_state = run.sol, sympy.lambdify([time_symbol, *self.built.states], expression, "numpy")
+        return lambda t: np.broadcast_to(np.asarray(of_state(t, *sol(t)), dtype=float), np.shape(t))
 
     def zeros(
         self, run: Solution, expression: Expr, low: float | None = None, high: float | None = None
     ) -> list[tuple[float, int]]:
         """Times at which an expression vanishes along a run, each with its direction (0: it stays)."""
-        assert run.sol is not None
-        sol = run.sol
-        function = sympy.lambdify([time_symbol, *self.built.states], expression, "numpy")
-
-        def value(t: float) -> float:
-            return float(function(t, *sol(t)))
-
+        value = self.along(run, expression)
         low = run.problem.t_span[0] if low is None else low
         high = run.t_end if high is None else high
         steps = np.asarray(run.t)
         steps = steps[(steps >= low) & (steps <= high)]
         times = np.unique(np.concatenate([self.times(run, low, high), steps]))
-        values = self.values(run, expression, times)
+        values = value(times)
         small = 1e-10 * (1.0 + float(np.max(np.abs(values), initial=0.0)))
         signs = np.where(np.abs(values) <= small, 0, np.sign(values)).astype(int)
         found: list[tuple[float, int]] = []
@@ -276,23 +255,22 @@ class CaseRuns:
 
         Raises MissingError.
         """
-        built, options = self.built, self._some("rtol", "atol", "method")
+        built, options = self.built, self._accuracy
+        search = partial(find_orbit, built.system, built.x0, t0=built.t_span[0], period=period, **options)
         try:
-            return in_time(
-                self.deadline,
-                lambda: find_orbit(built.system, built.x0, t0=built.t_span[0], period=period, **options),
-            )
+            return in_time(self.deadline, search)
         except (SolveError, NotDifferentiableError, ModelError, UsageError) as error:
             raise MissingError(f"no periodic orbit was found: {error}") from None
 
-    def _some(self, *names: str) -> dict[str, Any]:
-        return {name: self.options[name] for name in names if name in self.options}
+    @property
+    def _accuracy(self) -> dict[str, Any]:
+        return {name: self.options[name] for name in ("rtol", "atol", "method") if name in self.options}
 
     def tree(self, t_end: float, release_times: int = 0) -> SolutionTree:
         """All solutions up to a time, with departures from sliding that can be left sampled."""
         tree: SolutionTree = solve(
             self.built.system, self.built.x0, (self.built.t_span[0], t_end), nonunique="branch",
-            **self._some("rtol", "atol", "method"), max_time=remaining(self.deadline), max_branches=256,
+            **self._accuracy, max_time=remaining(self.deadline), max_branches=256,
             release_times=release_times or None, backward=t_end < self.built.t_span[0],
         )  # fmt: skip
         self.field_calls += sum(branch.solution.nfev for branch in tree.branches)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -36,12 +37,9 @@ class SolverTable:
     max_calls: int
     max_time: float
 
-    def count(self, solver: str, outcome: str, reported: bool | None = None) -> int:
+    def count(self, solver: str, outcome: str) -> int:
         """How often a solver had an outcome."""
-        return sum(
-            row.solver == solver and row.outcome == outcome and reported in (None, row.reported)
-            for row in self.rows
-        )
+        return sum((row.solver, row.outcome) == (solver, outcome) for row in self.rows)
 
     @property
     def solvers(self) -> tuple[str, ...]:
@@ -78,12 +76,8 @@ def compare_bank(
     Raises UsageError for a solver that is unknown or not installed.
     """
     every = (*FILIPPOV, *_solvers(solvers))
-    cases = [
-        one
-        for case in chosen(read_bank(bank), only)
-        if case.raw.get("polynomial") is None
-        for one in whole_and_parts(case)
-    ]
+    systems = [case for case in chosen(read_bank(bank), only) if case.raw.get("polynomial") is None]
+    cases = [one for case in systems for one in whole_and_parts(case)]
     versions = {solver.module: solver.version for solver in every if solver not in FILIPPOV}
     rows: dict[tuple[int, int], SolverRow] = {}
 
@@ -93,16 +87,13 @@ def compare_bank(
 
     try:
         for column, solver in enumerate(every):
-            process = SolverProcess(solver.name)
-            try:
+            with closing(SolverProcess(solver.name)) as process:
                 for line, case in enumerate(cases):
                     if progress is not None:
                         done = column * len(cases) + line
                         progress(done, len(every) * len(cases), f"{case.id}, {solver.name}")
                     limits = Limits(rtol, rtol / 100, max_calls, max_time)
                     rows[line, column] = process.run(case, limits, tolerance)
-            finally:
-                process.close()
     except KeyboardInterrupt:
         raise KeyboardInterrupt(table()) from None
     return table()
@@ -128,13 +119,15 @@ def solvers_text(table: SolverTable) -> str:
     """Who gets which case right, and how many each."""
     width = widest(table.cases)
     by = {(row.id, row.solver): row for row in table.rows}
-    lines = [f"{'case':<{width}}  " + "  ".join(f"{solver:>14}" for solver in table.solvers)]
+
+    def line(first: str, cells: Sequence[object]) -> str:
+        return f"{first:<{width}}  " + "  ".join(f"{cell:>14}" for cell in cells)
+
+    lines = [line("case", table.solvers)]
     for name in table.cases:
         marks = [_MARKS[by[name, solver].outcome] if (name, solver) in by else "" for solver in table.solvers]
-        lines.append(f"{printable(name):<{width}}  " + "  ".join(f"{mark:>14}" for mark in marks))
-    for outcome in OUTCOMES:
-        counts = [table.count(solver, outcome) for solver in table.solvers]
-        lines.append(f"{outcome:<{width}}  " + "  ".join(f"{count:>14}" for count in counts))
+        lines.append(line(printable(name), marks))
+    lines += [line(o, [table.count(solver, o) for solver in table.solvers]) for o in OUTCOMES]
     versions = ", ".join(f"{name} {version}" for name, version in table.versions.items())
     lines.append(
         f"{len(table.cases)} cases at rtol {table.rtol:g}; right: within {table.tolerance:g} (1 + |x|); "
@@ -147,8 +140,7 @@ def solvers_text(table: SolverTable) -> str:
 
 def solvers_json(table: SolverTable) -> str:
     """The table as one JSON object."""
-    data = {**asdict(table), "rows": [asdict(row) for row in table.rows], "versions": dict(table.versions)}
-    return json_text(data)
+    return json_text(asdict(table))
 
 
 def read_solvers(path: str | Path) -> SolverTable:

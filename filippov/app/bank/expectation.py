@@ -108,6 +108,9 @@ class Expectation:
 
 def numbers(value: Any, subject: Subject) -> Any:
     """A number, or nested lists of them as an array. Raises ModelError."""
-    if isinstance(value, list | tuple):
-        return np.array([numbers(item, subject) for item in value], dtype=float)
-    return number(value, subject.names)
+    if not isinstance(value, list | tuple):
+        return number(value, subject.names)
+    rows = [numbers(item, subject) for item in value]
+    if len({np.shape(row) for row in rows}) > 1:
+        raise ModelError("the lists are of different lengths")
+    return np.array(rows, dtype=float)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Collection, Mapping
@@ -13,19 +14,21 @@ from filippov.base.errors import ModelError
 from filippov.model.expression import FUNCTIONS, parse_expression
 
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[^\W\d]\w*)|(?P<other>\*\*|[-+*/^(),{}]))"
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[^\W\d]\w*)"
+    r"|(?P<open>[({])|(?P<close>[)}])|(?P<operator>\*\*|[-+*/^,]))"
 )
+WORD = re.compile(r"[^\W\d]\w*")
 LONGEST = 2_000
 # A number, or a formula in the case's parameters.
 Number = float | str
 
 
-def formula(text: str, names: Mapping[str, Any]) -> Expr:
-    """The expression that a formula in loose notation stands for; E is exp(1) unless it is a name.
+def formula(given: Number, names: Mapping[str, Any]) -> Expr:
+    """The expression that a number, or a formula in loose notation, stands for; E is exp(1) unless a name.
 
     Raises ModelError.
     """
-    names = {"E": E, **names}
+    text, names = given if isinstance(given, str) else repr(given), {"E": E, **names}
     try:
         return parse_expression(text, names)
     except ModelError as error:
@@ -33,6 +36,11 @@ def formula(text: str, names: Mapping[str, Any]) -> Expr:
             return parse_expression(strict(text, names), names)
         except ModelError:
             raise error from None
+
+
+def words(given: Any) -> list[str]:
+    """The names in a formula, in order; a number has none."""
+    return WORD.findall(given) if isinstance(given, str) else []
 
 
 def number(value: Any, names: Mapping[str, Any] | None = None) -> float:
@@ -58,24 +66,16 @@ def strict(text: str, names: Collection[str]) -> str:
     tokens = _tokens(text)
     out: list[str] = []
     pending = False  # a function whose bare argument follows
-    for k, (kind, word) in enumerate(tokens):
-        after = tokens[k + 1] if k + 1 < len(tokens) else ("", "")
+    factor = False  # whether a factor has ended
+    for (kind, word), (after, _) in itertools.pairwise([*tokens, ("", "")]):
         function = kind == "name" and word in FUNCTIONS and word not in names
-        if out and kind in ("number", "name", "open") and _ends_factor(tokens[k - 1], names) and not pending:
+        if factor and kind in ("number", "name", "open") and not pending:
             out.append("*")
-        out.append({"^": "**", "{": "(", "}": ")"}.get(word, word))
-        if pending:
-            out.append(")")
-            pending = False
-        if function and after[0] in ("name", "number"):
-            out.append("(")
-            pending = True
+        out.append({"^": "**", "{": "(", "}": ")"}.get(word, word) + ")" * pending)
+        factor = kind in ("number", "close") or (kind == "name" and not function)
+        pending = function and after in ("name", "number")
+        out += ["("] * pending
     return "".join(out)
-
-
-def _ends_factor(token: tuple[str, str], names: Collection[str]) -> bool:
-    kind, word = token
-    return kind in ("number", "close") or (kind == "name" and not (word in FUNCTIONS and word not in names))
 
 
 def _tokens(text: str) -> list[tuple[str, str]]:
@@ -87,10 +87,6 @@ def _tokens(text: str) -> list[tuple[str, str]]:
         match = _TOKEN.match(text, place)
         if match is None:
             raise ModelError(f"cannot read the formula {text[:80]!r} at {text[place : place + 10]!r}.")
-        place = match.end()
-        word = match[match.lastgroup or 0]
-        kind = match.lastgroup or ""
-        if kind == "other":
-            kind = {"(": "open", "{": "open", ")": "close", "}": "close"}.get(word, "operator")
-        found.append((kind, word))
+        place, kind = match.end(), str(match.lastgroup)
+        found.append((kind, match[kind]))
     return found

@@ -15,13 +15,12 @@ from sympy import Expr, Symbol
 
 from filippov.analysis.algebra.polynomial import Verdict, count_roots
 from filippov.analysis.algebra.routh_hurwitz import RouthHurwitz, routh_hurwitz
-from filippov.app.bank.notation import formula
+from filippov.app.bank.notation import formula, words
 from filippov.app.bank.outcome import MissingError
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import check_name
 from filippov.model.expression import FUNCTIONS
 
-_WORD = re.compile(r"[^\W\d]\w*")
 # Points of the parameters that a condition is tried at.
 SAMPLES = 96
 
@@ -95,8 +94,7 @@ class Polynomial:
 
     def points(self, condition: Any) -> list[dict[Symbol, Expr]]:
         """Rational points: at random of several sizes, and just beside the boundaries of the condition."""
-        symbols = sorted(self.symbols, key=str)
-        draw = random.Random(20)  # noqa: S311
+        symbols, draw = self.symbols, random.Random(20)  # noqa: S311
         numbers = {abs(int(n)) for n in condition.atoms(sympy.Integer)} | {1, 10}
         points = []
         for k in range(SAMPLES):
@@ -114,15 +112,13 @@ def read_polynomial(raw: Mapping[str, Any], budget: float) -> Polynomial:
     given = raw["polynomial"]
     if isinstance(given, str) or not isinstance(given, Sequence) or not given:
         raise ModelError(f"polynomial is {given!r:.60}, expected the list of its coefficients.")
-    texts = [value if isinstance(value, str) else repr(value) for value in given]
-    words = itertools.chain.from_iterable(_WORD.findall(text) for text in texts)
     names: dict[str, Any] = {}
-    for word in words:
+    for word in itertools.chain.from_iterable(map(words, given)):
         if word not in FUNCTIONS and word not in ("pi", "t", "e", "E") and not re.fullmatch(r"[eE]\d*", word):
             names[check_name(word, "parameter")] = Symbol(word, real=True)
     for key, value in (raw.get("params") or {}).items():
-        names[check_name(key, "parameter")] = formula(str(value), names)
-    return Polynomial(tuple(formula(text, names) for text in texts), names, budget)
+        names[check_name(key, "parameter")] = formula(value, names)
+    return Polynomial(tuple(formula(value, names) for value in given), names, budget)
 
 
 def _beside(relation: Any, point: dict[Symbol, Expr], x: Symbol) -> list[dict[Symbol, Expr]]:

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from filippov import Status, UsageError
+from filippov import Status
 from filippov.analysis.algebra.budget import OutOfBudgetError
 from filippov.analysis.algebra.deadline import within
-from filippov.app.bank.case import Case, Entry, chosen, read_bank
+from filippov.app.bank.case import Case, chosen, read_bank
 from filippov.app.bank.case_runs import CaseRuns, Settings, in_time
 from filippov.app.bank.expectation import Subject
 from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome, OutOfTimeError
 from filippov.app.bank.polynomial import Polynomial
 from filippov.app.bank.row import Row
 from filippov.app.bank.subjects import Subjects
+from filippov.base.given import check_count
 from filippov.solving.state.options import Options
 
 Told = Callable[[Row], None]
@@ -51,12 +51,10 @@ def run_bank(
     """
     settings = Settings(rtol=rtol, atol=atol, method=method, max_time=max_time)
     Options(**settings.options, max_time=max_time)
-    if type(jobs) is not int or jobs < 1:
-        raise UsageError(f"jobs is {jobs!r}, expected a whole number of at least 1.")
     cases = chosen(read_bank(bank), only)
     rows: dict[int, Row] = {}
     try:
-        for place, row in _rows(cases, settings, jobs):
+        for place, row in _rows(cases, settings, check_count("jobs", jobs)):
             rows[place] = row
             if told is not None:
                 told(row)
@@ -75,15 +73,12 @@ def _rows(cases: Sequence[Case], settings: Settings, jobs: int) -> Iterable[tupl
         left: dict[Future[Row], int] = {
             pool.submit(run_case, case, settings): place for place, case in enumerate(cases)
         }
-        while left:
-            done, _ = wait(left, return_when=FIRST_COMPLETED)
-            for future in done:
-                place = left.pop(future)
-                error = future.exception()
-                if error is None:
-                    yield place, future.result()
-                else:
-                    yield place, _broken(cases[place], f"{type(error).__name__}: {error}", "error", 0.0)
+        for future in as_completed(left):
+            place, error = left[future], future.exception()
+            if error is None:
+                yield place, future.result()
+            else:
+                yield place, _broken(cases[place], f"{type(error).__name__}: {error}", "error", 0.0)
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 
@@ -98,13 +93,13 @@ def run_case(case: Case, settings: Settings | None = None) -> Row:
     except OutOfBudgetError:
         return _broken(case, f"not built within {settings.max_time:g} s", "timeout", started)
     except Exception as error:  # noqa: BLE001 (a case may be wrong in any way; the others go on)
-        return _broken(case, _sentence(error), "error", started)
+        return _broken(case, f"{type(error).__name__}: {error}", "error", started)
     outcomes: dict[str, Outcome] = {}
     left: dict[str, str] = {}
     status = ""
     for entry in case.expected:
         try:
-            outcomes[entry.name] = in_time(started + settings.max_time, partial(evaluate, (subjects, entry)))
+            outcomes[entry.name] = in_time(started + settings.max_time, partial(subjects.outcome, entry))
         except NotUnderstoodError as reason:
             left[entry.name] = str(reason)
         except MissingError as reason:
@@ -113,26 +108,16 @@ def run_case(case: Case, settings: Settings | None = None) -> Row:
             outcomes[entry.name] = Outcome(float("inf"), 0.0, f"more than {settings.max_time:g} s")
             status = "timeout"
         except Exception as error:  # noqa: BLE001 (as above)
-            outcomes[entry.name] = Outcome(float("inf"), 0.0, _sentence(error))
+            outcomes[entry.name] = Outcome(float("inf"), 0.0, f"{type(error).__name__}: {error}")
             status = status or "error"
-    row = _row(case, subject, outcomes, left, status or _status(subject), started)
-    return dataclasses.replace(row, field_calls=subjects.field_calls)
-
-
-def evaluate(question: tuple[Subjects, Entry]) -> Outcome:
-    """The outcome of one expectation. Raises NotUnderstoodError, MissingError, ModelError."""
-    subjects, entry = question
-    return subjects.outcome(entry)
+    status = status or _status(subject)
+    return _row(case, subject, outcomes, left, status, started, subjects.field_calls)
 
 
 def _row(
-    case: Case,
-    subject: Subject,
-    outcomes: dict[str, Outcome],
-    left: dict[str, str],
-    status: str,
-    started: float,
-) -> Row:
+    case: Case, subject: Subject, outcomes: dict[str, Outcome], left: dict[str, str], status: str,
+    started: float, field_calls: int,
+) -> Row:  # fmt: skip
     failed = {name: outcome for name, outcome in outcomes.items() if not outcome.passed}
     worst = max(outcomes.values(), key=lambda outcome: outcome.ratio, default=None)
     message = "; ".join(f"{name}: {o.note or f'error {o.error:.2g}'}" for name, o in failed.items())
@@ -143,8 +128,7 @@ def _row(
     return Row(
         case.id, bool(outcomes) and not failed, None if worst is None else worst.error,
         None if worst is None else worst.tolerance, tuple(outcomes), tuple(left), status,
-        round(time.monotonic() - started, 4), message,
-        0, tuple(left.values()),
+        round(time.monotonic() - started, 4), message, field_calls, tuple(left.values()),
     )  # fmt: skip
 
 
@@ -161,7 +145,3 @@ def _broken(case: Case, message: str, status: str, started: float) -> Row:
     names = tuple(entry.name for entry in case.expected)
     seconds = round(time.monotonic() - started, 4) if started else 0.0
     return Row(case.id, False, None, None, (), names, status, seconds, message, 0, (message,) * len(names))
-
-
-def _sentence(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}"

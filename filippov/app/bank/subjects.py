@@ -72,12 +72,8 @@ class Subjects:
         """The outcome of one expectation. Raises NotUnderstoodError, MissingError, ModelError."""
         if not self.case.typed:
             return earlier.outcome(self.case, entry, self)
-        expectation = self.expectation(entry)
+        expectation = self.form.expected[self.case.expected.index(entry)]
         return expectation.outcome(self(expectation.part))
-
-    def expectation(self, entry: Entry) -> Expectation:
-        """An expectation of today's form."""
-        return self.form.expected[[other.name for other in self.case.expected].index(entry.name)]
 
     def expectations(self) -> list[Expectation]:
         """What is expected, in the first readings of a case of the earlier form."""

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import keyword
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from filippov.app.bank import typed_json
-from filippov.app.bank.notation import Number
-
-_WORD = re.compile(r"[^\W\d]\w*")
+from filippov.app.bank.notation import WORD, Number
 
 
 @dataclass(frozen=True)
@@ -115,7 +112,7 @@ def _listed(value: Any) -> Any:
 def _without_keywords(value: Any) -> Any:
     """Reserved words of Python, such as lambda, get an underscore wherever they occur."""
     if isinstance(value, str):
-        return _WORD.sub(lambda m: m[0] + "_" if keyword.iskeyword(m[0]) and m[0].islower() else m[0], value)
+        return WORD.sub(lambda m: m[0] + "_" if keyword.iskeyword(m[0]) and m[0].islower() else m[0], value)
     if isinstance(value, Mapping):
         return {_without_keywords(key): _without_keywords(item) for key, item in value.items()}
     return [_without_keywords(item) for item in value] if isinstance(value, list | tuple) else value

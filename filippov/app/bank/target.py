@@ -18,7 +18,7 @@ from filippov.app.bank.case_runs import CaseRuns, Settings
 from filippov.app.bank.expectation import Expectation
 from filippov.app.bank.notation import number
 from filippov.app.bank.quantities.events import Accumulation, OneEvent, SomeEvents
-from filippov.app.bank.quantities.quantity import Quantity, When
+from filippov.app.bank.quantities.quantity import Quantity
 from filippov.app.bank.quantities.states import End, State
 from filippov.app.bank.subjects import Subjects
 from filippov.app.bank.system_form import SystemForm
@@ -83,7 +83,8 @@ def _of(measure: Quantity, value: Any, built: Built, expected: list[Expectation]
     named = {s.name: s.h for s in built.system.surfaces}
     h = tuple(named[name] for name in built.declared if name in named)
     if isinstance(measure, State) and measure.sliding is None and not isinstance(measure.t, Quantity):
-        return [_state(built, measure.component, _time(built, measure.t), value)]
+        t = built.t_span[1] if measure.t is None else number(measure.t, built.names)
+        return [_state(built, measure.component, t, value)]
     if isinstance(measure, Accumulation) and measure.take == "t":
         return [Target(number(value, built.names), h, (0.0,) * len(h))]
     if isinstance(measure, SomeEvents) and measure.take == "t" and len(h) == 1 and isinstance(value, list):
@@ -93,11 +94,6 @@ def _of(measure: Quantity, value: Any, built: Built, expected: list[Expectation]
         same = [e.value for e in expected if e.measure == replace(measure, take="t") and e.value is not None]
         return [_state(built, None, number(time, built.names), value) for time in same[:1]]
     return []
-
-
-def _time(built: Built, when: When) -> float:
-    assert not isinstance(when, Quantity)
-    return built.t_span[1] if when is None else number(when, built.names)
 
 
 def _state(built: Built, component: str | None, t: float, value: Any) -> Target:

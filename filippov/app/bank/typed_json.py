@@ -11,6 +11,7 @@ import dataclasses
 import inspect
 import types
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -38,10 +39,8 @@ def read(kind: Any, data: Any, where: str) -> Any:
     if origin in (Union, types.UnionType):
         fitting = [one for one in inner if _fits(one, data)]
         for one in fitting[:-1]:
-            try:
+            with suppress(ModelError):
                 return read(one, data, where)
-            except ModelError:
-                continue
         return read(fitting[-1], data, where)
     if origin is Literal and data not in inner:
         raise ModelError(f"{where}: {unknown('word', data, inner)}")
@@ -143,12 +142,10 @@ def _schema(kind: Any, found: dict[str, Any]) -> dict[str, Any]:
         return {"type": _PLAIN[kind]}
     if kind.__name__ not in found:
         found[kind.__name__] = {}
-        found[kind.__name__] = _family(kind, found) if "FAMILY" in vars(kind) else _object(kind, found)
+        members = kind.FAMILY[1].values() if "FAMILY" in vars(kind) else ()
+        one_of = {"oneOf": [_schema(member, found) for member in members]}
+        found[kind.__name__] = one_of if members else _object(kind, found)
     return {"$ref": f"#/$defs/{kind.__name__}"}
-
-
-def _family(kind: Any, found: dict[str, Any]) -> dict[str, Any]:
-    return {"oneOf": [_schema(member, found) for member in kind.FAMILY[1].values()]}
 
 
 def _object(kind: Any, found: dict[str, Any]) -> dict[str, Any]:

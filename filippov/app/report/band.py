@@ -100,13 +100,14 @@ def approximations(run: StudyRun) -> Chapter:
         "those of the exact run; order: of the error over the widths, beside that of the theory.",
         source, "approximations", long=True,
     )  # fmt: skip
-    slower = [row for row in rows if row["said"].startswith("order")]
-    facts = {"plants": len({row["plant"] for row in rows}), "orders": sum(bool(row["order"]) for row in rows)}
-    cells = [list(row.values()) for row in rows]
+    facts = {
+        "plants": float(len({row["plant"] for row in rows})),
+        "orders": float(sum(bool(row["order"]) for row in rows)),
+        "slower": float(sum(row["said"].startswith("order") for row in rows)),
+    }
     return Chapter(
-        "approximations", "Other plants", [Words("source", f"Source: {source}"), table],
-        {**{name: float(value) for name, value in facts.items()}, "slower": float(len(slower))},
-        files=[("approximations.csv", tuple(rows[0]), cells)],
+        "approximations", "Other plants", [Words("source", f"Source: {source}"), table], facts,
+        files=[("approximations.csv", tuple(rows[0]), [list(row.values()) for row in rows])],
     )  # fmt: skip
 
 
@@ -114,15 +115,13 @@ def _facts(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """The largest errors of the widest and the narrowest band."""
     bands = [row for row in rows if row["width"] is not None]
     wide, narrow = max(row["width"] for row in bands), min(row["width"] for row in bands)
-    lost = [row for row in bands if row["width"] == wide and "is lost" in row["note"]]
+    widest = [row for row in bands if row["width"] == wide]
     errors = [largest(row["error_fixed_points"]) for row in bands if row["width"] == narrow]
     known = [error for error in errors if error is not None]
-    drift = max((row["drift"] or 0.0 for row in bands if row["width"] == wide), default=0.0)
-    return {
-        "width": wide, "drift": drift, "narrow": narrow,
-        **({"lost": float(len(lost))} if len(lost) == sum(row["width"] == wide for row in bands) else {}),
-        **({"narrow_error": max(known)} if known else {}),
-    }  # fmt: skip
+    facts = {"width": wide, "drift": max(row["drift"] or 0.0 for row in widest), "narrow": narrow}
+    if all("is lost" in row["note"] for row in widest):
+        facts["lost"] = float(len(widest))
+    return facts | ({"narrow_error": max(known)} if known else {})
 
 
 def _scientific(value: float | None) -> str:

@@ -137,23 +137,20 @@ class CaseResults:
     @property
     def bound(self) -> float | None:
         """The value of the parameter above which the Routh-Hurwitz conditions hold; None without one."""
-        for solved in self._solved():
-            try:
-                return float(solved.numeric.as_set().start)
-            except (AttributeError, NotImplementedError, TypeError, ValueError):
-                return None
-        return None
+        try:
+            return None if self._solved is None else float(self._solved.numeric.as_set().start)
+        except (AttributeError, NotImplementedError, TypeError, ValueError):
+            return None
 
     @property
     def thresholds(self) -> tuple[float, ...]:
         """Values at which the set changes stability by the linearised return map."""
-        return next((tuple(s.threshold) for s in self._solved()), ())
+        return () if self._solved is None else tuple(self._solved.threshold)
 
     @property
     def without(self) -> str:
         """Why there is no bound: the field beside a set has no linear part, or none was found."""
-        nonlinear = any(c.polynomial is None for c in self._applying())
-        return "no linear part" if nonlinear else "none found"
+        return "no linear part" if any(c.polynomial is None for c in self.applying) else "none found"
 
     @property
     def sets(self) -> list[Any]:
@@ -161,12 +158,14 @@ class CaseResults:
         found = [getattr(item.equilibrium, "ends", ()) for item in self.stability.items]
         return [ends for ends in found if ends]
 
-    def _applying(self) -> list[Any]:
+    @property
+    def applying(self) -> list[Any]:
+        """The cases of the stability report that apply."""
         return [c for item in self.stability.items for c in item.cases if c.applies]
 
-    def _solved(self) -> list[Any]:
-        cases = self._applying()
-        return [c.solved for c in cases if c.solved is not None and c.polynomial is not None]
+    @property
+    def _solved(self) -> Any:
+        return next((c.solved for c in self.applying if c.solved and c.polynomial is not None), None)
 
     def _sample(self, low: float, high: float) -> Samples:
         """Samples at even coordinates and, denser, next to 0, where a map may be steep."""

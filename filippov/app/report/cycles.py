@@ -254,8 +254,7 @@ def _change(
     case: CaseResults, across: str, up: str, low_high: tuple[float, float], span: tuple[float, float]
 ) -> Array | None:
     """Points (across, up) where the linearised return map of the set has modulus 1; None without one."""
-    cases = [c for item in case.stability.items for c in item.cases if c.applies]
-    polynomials = [c.polynomial for c in cases if c.polynomial is not None]
+    polynomials = [c.polynomial for c in case.applying if c.polynomial is not None]
     if not polynomials:
         return None
     used = sorted({s for row in polynomials for c in row for s in c.free_symbols}, key=str)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from filippov.base.csv_text import csv_text
 from filippov.base.whole_file import write_whole
 from filippov.plot.style import style
 
@@ -22,11 +20,6 @@ def write(path: Path, content: str | bytes) -> None:
     """Write a file, completely or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, content)
-
-
-def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Iterable[Any]]) -> None:
-    """Write a table; floats in the shortest form that reads back exactly."""
-    write(path, csv_text(columns, rows))
 
 
 def rendered(figure: Figure) -> tuple[str, bytes]:

@@ -14,10 +14,11 @@ from filippov.app.report.aside import Aside
 from filippov.app.report.case import CaseResults, diagrams
 from filippov.app.report.context import Progress
 from filippov.app.report.effort import Effort
-from filippov.app.report.files import rendered, write, write_csv
+from filippov.app.report.files import rendered, write
 from filippov.app.report.page import document, environment, machine
 from filippov.app.report.part import Chapter, Picture, TextTable, Words
 from filippov.app.report.run import StudyRun
+from filippov.base.csv_text import csv_text
 from filippov.base.given import check_count
 from filippov.base.json_text import finite, json_text
 from filippov.models.studies import Study, get_study
@@ -80,7 +81,7 @@ def run_study(
     folder.mkdir(parents=True, exist_ok=True)
     for section in sections:
         for file, columns, rows in section.files:
-            write_csv(folder / file, columns, rows)
+            write(folder / file, csv_text(columns, rows))
     for name, (vector, raster) in pictures.items():
         write(folder / f"{name}.svg", vector)
         write(folder / f"{name}.png", raster)
@@ -123,12 +124,12 @@ def compute(run: StudyRun) -> tuple[list[Chapter], dict[str, tuple[str, bytes]]]
                         run.tell(0.0, f"figure {picture.name}")
                         pictures[picture.name] = rendered(picture.draw())
     out = [made[make] for make, _ in asked]
-    return (out if run.study.stated else [_unstated(section) for section in out]), pictures
-
-
-def _unstated(section: Chapter) -> Chapter:
-    parts = [part.unstated() if isinstance(part, TextTable) else part for part in section.parts]
-    return replace(section, parts=parts)
+    if not run.study.stated:
+        out = [
+            replace(section, parts=[p.unstated() if isinstance(p, TextTable) else p for p in section.parts])
+            for section in out
+        ]
+    return out, pictures
 
 
 def _frame(run: StudyRun) -> list[Chapter]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from filippov.app.bank import typed_json
@@ -57,25 +57,21 @@ def part_of(case: Case, name: str) -> tuple[str, str]:
     return "", match["rest"]
 
 
-def _old(case: Case, entry: Entry, subjects: Subjects) -> Old:
+def _read(case: Case, entry: Entry, subjects: Subjects) -> tuple[Old, list[Reading]]:
     label, name = part_of(case, str(entry.given.get("name", entry.name)))
-    return Old(case, entry, name, subjects(label), label)
-
-
-def _readings(old: Old) -> list[Reading]:
-    return readings(old, _RULES[type(old.subject)])
+    old = Old(case, entry, name, subjects(label), label)
+    return old, readings(old, _RULES[type(old.subject)])
 
 
 def outcome(case: Case, entry: Entry, subjects: Subjects) -> Outcome:
     """The outcome of an expectation in its nearest reading. Raises NotUnderstoodError, MissingError."""
-    old = _old(case, entry, subjects)
-    return nearest(old, _readings(old))[0]
+    return nearest(*_read(case, entry, subjects))[0]
 
 
 def first_reading(case: Case, entry: Entry, subjects: Subjects) -> tuple[Expectation, ...]:
     """The meaning of an expectation before anything is run; () where it is not understood."""
     try:
-        return _readings(_old(case, entry, subjects))[0].expectations
+        return _read(case, entry, subjects)[1][0].expectations
     except NotUnderstoodError:
         return ()
 
@@ -91,8 +87,7 @@ def migrated(case: Case, subjects: Subjects) -> tuple[dict[str, Any], list[str]]
     left: list[Mapping[str, Any]] = []
     for entry in case.expected:
         try:
-            old = _old(case, entry, subjects)
-            found = _readings(old)
+            old, found = _read(case, entry, subjects)
             try:
                 chosen = nearest(old, found)[1]
             except (MissingError, OutOfTimeError) as error:
@@ -104,7 +99,8 @@ def migrated(case: Case, subjects: Subjects) -> tuple[dict[str, Any], list[str]]
             continue
         if len(found) > 1:
             said.append(f"{case.id}: {entry.name}: {len(found)} readings, the nearest one is taken")
-        expected += _named(entry.name, chosen)
+        many = enumerate(chosen.expectations)
+        expected += [replace(one, name=f"{entry.name} #{k + 1}" if k else entry.name) for k, one in many]
     rows = {k: {"expected": case.raw.get("expected"), **v} for k, v in (case.raw.get("parts") or {}).items()}
     parts = {k: {key: v for key, v in system(row).items() if key in _SYSTEM} for k, row in rows.items()}
     whole = {**system(case.raw), "parts": parts}
@@ -116,11 +112,3 @@ def migrated(case: Case, subjects: Subjects) -> tuple[dict[str, Any], list[str]]
     about |= {"not_carried_over": left} if left else {}
     data = {"id": case.id, **own, "expected": typed_json.written(expected)}
     return data | ({"about": about} if about else {}), said
-
-
-def _named(name: str, reading: Reading) -> list[Expectation]:
-    """The expectations of a reading, under names that differ."""
-    many = reading.expectations
-    return [
-        dataclasses.replace(one, name=name if not k else f"{name} #{k + 1}") for k, one in enumerate(many)
-    ]

@@ -11,9 +11,9 @@ from sympy import Symbol
 
 from filippov.app.bank import typed_json
 from filippov.app.bank.case_runs import CaseRuns
-from filippov.app.bank.expectation import LONGEST_LIST
+from filippov.app.bank.expectation import LONGEST_LIST, numbers
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
-from filippov.app.bank.notation import formula
+from filippov.app.bank.notation import WORD, formula, words
 from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.app.bank.quantities.along import Along
 from filippov.app.bank.quantities.events import EventCount, EventList, EventRecord, OneEvent, SomeEvents
@@ -26,7 +26,6 @@ from filippov.model.expression import FUNCTIONS
 _ASIDE = re.compile(r"\s+\([^()]*(?:\([^()]*\)[^()]*)*\)")
 _PHRASE = re.compile(r"\b(?:while|during|in|along) (?:the )?(?:sliding|sliding motion|stick|sticking)\b")
 _CONTROL = ("equivalent control", "u_eq", "ueq", "sign value", "multiplier")
-_WORD = re.compile(r"[^\W\d]\w*")
 # Kind of event, names of its time, suffix of the names of states there.
 _MARKS: tuple[tuple[Any, str, str], ...] = (
     ("slide", "t_enter t_entry t_e te", "_e e _enter _entry"), ("exit", "t_exit t_x tx", "_exit"),
@@ -89,9 +88,9 @@ def _side(old: Old, text: str) -> tuple[str, dict[str, Quantity]]:
     put = {name: f"({value})" for name, value in polar.items() if name not in names}
     plain = re.sub(r"\b(\w+)\(t\)", lambda m: m[1] if m[1] in names or m[1] in polar else m[0], text)
     for attempt in (plain, _ASIDE.sub("", " " + plain)):
-        words = set(_WORD.findall(attempt)) - set(FUNCTIONS)
-        where = {name: known[name] for name in sorted(words & set(known))}
-        written = _WORD.sub(lambda m: put.get(m[0], m[0]), attempt).strip()
+        used = (set(words(attempt)) - set(FUNCTIONS)) & set(known)
+        where = {name: known[name] for name in sorted(used)}
+        written = WORD.sub(lambda m: put.get(m[0], m[0]), attempt).strip()
         try:
             formula(written, {**names, **dict.fromkeys(where, 1)})
         except ModelError:
@@ -125,7 +124,7 @@ def _kept(old: Old, _: Groups) -> list[Reading]:
     if not isinstance(old.value, str):
         return _of_value(old, _)
     text, where = _side(old, old.text.rpartition("=")[2])
-    if not set(_WORD.findall(text)) & set(old.states):
+    if not set(words(text)) & set(old.states):
         raise NotUnderstoodError("it has no states")
     return old.one(Along(text, "spread", _over(old), where), value=0, atol=old.tol or 1e-9)
 
@@ -166,7 +165,7 @@ def horizon(old: Old) -> float | None:
     """The latest time expected, where it is beyond the span."""
     try:
         latest = float(np.max(np.atleast_1d(old.wanted()), initial=-np.inf)) + 2 * old.tol
-    except NotUnderstoodError:
+    except ModelError:
         return None
     return latest * (1 + 1e-6) if latest > max(old.runs.built.t_span) else None
 
@@ -174,44 +173,40 @@ def horizon(old: Old) -> float | None:
 def _events(old: Old, _: Groups) -> list[Reading]:
     if not isinstance(old.value, list) or not all(isinstance(item, dict) for item in old.value):
         raise NotUnderstoodError("events are no list of objects")
-    grazing = any(_base(item) == "graze" for item in old.value)
+    grazing = any(_kinds(item.get("type"))[0] == "graze" for item in old.value)
     jumps, together = resets(old.runs) or bool(old.runs.built.system.time_events), max(old.tol, 1e-9)
     rows = [[_record(old, item, key) for item in old.value] for key in ("state", "state_after")[: 1 + jumps]]
     return old.either(*(EventList(tuple(row), together, grazing) for row in rows), value=0)
 
 
-def _base(item: dict[str, Any]) -> str:
-    word = str(item.get("type", "")).rstrip("+-").strip()
-    return _SAME.get(word, word)
+def _kinds(given: object) -> tuple[str, str]:
+    """The kind of event that a word means, and the same with its direction where that is compared."""
+    plain = str(given).rstrip("+-").strip()
+    base, sign = _SAME.get(plain, plain), str(given)[-1:]
+    return base, base + sign if sign in ("+", "-") and base in ("cross", "exit") else base
 
 
 def _record(old: Old, item: dict[str, Any], key: str) -> EventRecord:
-    base, sign = _base(item), str(item.get("type", ""))[-1:]
-    signed = sign in ("+", "-") and base in ("cross", "exit")
-    data: dict[str, Any] = {"kind": base + (sign if signed else "")} if item.get("type") is not None else {}
+    base, kind = _kinds(item.get("type"))
+    data: dict[str, Any] = {"kind": kind} if item.get("type") is not None else {}
     data |= {"t": old.number(item["t"])} if "t" in item else {}
     data |= {"surface": item["surface"]} if item.get("surface") is not None else {}
     state = item.get("state", item.get("x"))
     if state is not None:
         where = key if base in ("reset", "time") else "state"
-        data[where] = [float(v) for v in np.atleast_1d(old.numbers(state))]
-    try:
-        found: EventRecord = typed_json.read(EventRecord, data, "event")
-    except ModelError as error:
-        raise NotUnderstoodError(str(error)) from None
+        data[where] = np.atleast_1d(numbers(state, old.subject)).tolist()
+    found: EventRecord = typed_json.read(EventRecord, data, "event")
     return found
 
 
 def _event_types(old: Old, _: Groups) -> list[Reading]:
     kinds = re.findall(r"[A-Za-z]+[+-]?", old.value) if isinstance(old.value, str) else list(old.value or ())
-    words = [str(kind) for kind in kinds]
-    bases = [_SAME.get(word.rstrip("+-"), word.rstrip("+-")) for word in words]
-    among: Any = "any" if "graze" in bases else None
-    found: list[Any] = [old.e(EventCount(kind=among), value=len(words), atol=0)]
-    for place, (word, base) in enumerate(zip(words, bases, strict=True)):
-        signed = word[-1:] in ("+", "-") and base in ("cross", "exit")
-        take, text = ("signed_kind", base + word[-1]) if signed else ("kind", base)
-        found.append(old.e(OneEvent(kind=among, number=place + 1, take=take), text=text))
+    pairs = [_kinds(kind) for kind in kinds]
+    among: Any = "any" if "graze" in dict(pairs) else None
+    found: list[Any] = [old.e(EventCount(kind=among), value=len(pairs), atol=0)]
+    for place, (base, text) in enumerate(pairs, start=1):
+        take = "kind" if text == base else "signed_kind"
+        found.append(old.e(OneEvent(kind=among, number=place, take=take), text=text))
     return [Reading(tuple(found))]
 
 
@@ -240,10 +235,7 @@ def sequence(old: Old, measures: Callable[[int], Sequence[Quantity]]) -> list[Re
         raise NotUnderstoodError(f"{old.value!r} is not a formula in n")
     if match and int(match[2]) - int(match[1]) >= LONGEST_LIST:
         raise NotUnderstoodError(f"{old.value!r:.80} stands for more than {LONGEST_LIST} numbers")
-    try:
-        formula(body, {**old.subject.names, "n": Symbol("n", integer=True)})
-    except ModelError as error:
-        raise NotUnderstoodError(str(error)) from None
+    formula(body, {**old.subject.names, "n": Symbol("n", integer=True)})
     ranges = [(int(match[1]), int(match[2]))] if match else [(0, None), (1, None)]
     counts = [(n, MOST if n[1] is None else n[1] - n[0] + 1) for n in ranges]
     return [r for n, count in counts for r in old.either(*measures(count), value=body.strip(), n=n)]

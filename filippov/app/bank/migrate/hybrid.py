@@ -40,26 +40,22 @@ def written_out(raw: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _automaton(clauses: list[str], states: list[str]) -> dict[str, Any] | None:
-    parts = [_AUTOMATON.match(clause) for clause in clauses]
-    if len(parts) != 2 or None in parts or not states:
+    parts = [match for match in map(_AUTOMATON.match, clauses) if match]
+    if not len(parts) == len(clauses) == 2 or not states:
         return None
-    flows, levels, where = [], [], states[0]
-    for part in parts:
-        assert part is not None
-        flows.append(_field(part["flow"], states))
-        bound = _SIDE.match(part["until"])
-        if bound is not None:
-            where = bound["state"]
-        levels.append(strict(bound["value"] if bound is not None else part["until"], states))
+    bounds = [_SIDE.match(part["until"]) for part in parts]
+    where = [states[0], *(bound["state"] for bound in bounds if bound)][-1]
     if where not in states:
         return None
-    names = [part["name"] for part in parts if part is not None]
-    modes = zip(names, flows, levels, strict=True)
-    return {"automaton": [{"name": n, "field": flow, "until": {where: level}} for n, flow, level in modes]}
+    levels = [b["value"] if b else part["until"] for part, b in zip(parts, bounds, strict=True)]
+    return {"automaton": [
+        {"name": p["name"], "field": _field(p["flow"], states), "until": {where: strict(level, states)}}
+        for p, level in zip(parts, levels, strict=True)
+    ]}  # fmt: skip
 
 
 def _flow(clauses: list[str], states: list[str]) -> dict[str, Any] | None:
-    said = {clause.split(None, 1)[0]: clause.split(None, 1)[1] for clause in clauses if " " in clause}
+    said = dict(clause.split(None, 1) for clause in clauses if " " in clause)
     if set(said) != {"flow", "guard", "reset"}:
         return None
     surface, side = "", None

@@ -7,9 +7,11 @@ from typing import Any
 
 from sympy import Symbol
 
+from filippov.app.bank.expectation import numbers
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
 from filippov.app.bank.notation import formula
 from filippov.app.bank.outcome import NotUnderstoodError
+from filippov.app.bank.polynomial import Polynomial
 from filippov.app.bank.quantities.polynomials import (
     AxisFrequencies,
     AxisPair,
@@ -20,10 +22,15 @@ from filippov.app.bank.quantities.polynomials import (
     StabilityVerdict,
     StableRange,
 )
-from filippov.base.errors import ModelError
 from filippov.model.expression import parse_condition
 
 _STABLE, _MARGINAL, _UNSTABLE = "asymptotically stable", "marginally stable", "unstable"
+_MEANT = {
+    word: verdicts for words, verdicts in (
+        (("true", "stable", "asymptotically stable", "yes"), (_STABLE,)), (("marginal",), (_MARGINAL,)),
+        (("false", "not stable", "no"), (_MARGINAL, _UNSTABLE)), (("unstable",), (_UNSTABLE,)),
+    ) for word in words
+}  # fmt: skip
 _NEAR_ZERO = 1e-12
 _FEW = 6
 
@@ -40,20 +47,15 @@ def _pairs(old: Old, value: Any) -> list[list[Any]]:
     pairs = [item if isinstance(item, list) else [item, "0"] for item in value]
     if any(len(pair) != 2 for pair in pairs):
         raise NotUnderstoodError("a root is [real, imaginary]")
-    old.numbers(pairs)
+    numbers(pairs, old.subject)
     return pairs
 
 
 def verdicts(old: Old, text: str, at: dict[str, Any]) -> list[Reading]:
     """What a text says of stability."""
     word = text.strip().casefold()
-    if word in ("true", "stable", "asymptotically stable", "yes"):
-        chosen = [_STABLE]
-    elif word in ("false", "not stable", "no"):
-        chosen = [_MARGINAL, _UNSTABLE]
-    elif word.startswith("marginal") or word == "unstable":
-        chosen = [_UNSTABLE if word == "unstable" else _MARGINAL]
-    else:
+    chosen = _MEANT.get("marginal" if word.startswith("marginal") else word)
+    if chosen is None:
         raise NotUnderstoodError(f"{text!r} is no verdict")
     return [Reading((old.e(StabilityVerdict(at), text=said),)) for said in chosen]
 
@@ -70,10 +72,7 @@ def _verdict_is(old: Old, g: Groups) -> list[Reading]:
 
 def _iff(old: Old, _: Groups) -> list[Reading]:
     text = old.text.replace("&", " and ").replace("^", "**")
-    try:
-        parse_condition(text, old.polynomial.names)
-    except ModelError as error:
-        raise NotUnderstoodError(str(error)) from None
+    parse_condition(text, old.subject.names)
     return old.one(StabilityCondition(text), value=0, atol=0)
 
 
@@ -124,17 +123,15 @@ def _boundary(old: Old, _: Groups) -> list[Reading]:
     match = re.fullmatch(r"\s*([^=]+=[^=]+?)\s+gives\s+\+-\s*j\s*(.+?)\s*", old.text)
     if match is None:
         raise NotUnderstoodError("the text is no equation that gives a pair")
-    try:
-        for text in (*match[1].split("="), match[2]):
-            formula(text, old.subject.names)
-    except ModelError as error:
-        raise NotUnderstoodError(str(error)) from None
+    for text in (*match[1].split("="), match[2]):
+        formula(text, old.subject.names)
     return old.one(AxisPair(match[1], match[2]), value=0, atol=max(old.tol, _NEAR_ZERO))
 
 
 def _parameter(old: Old, name: str) -> str:
     """The one parameter, which may be called gain or parameter."""
-    symbols = old.polynomial.free
+    assert isinstance(old.subject, Polynomial)
+    symbols = old.subject.free
     if len(symbols) != 1 or name not in (symbols[0].name, "gain", "parameter"):
         raise NotUnderstoodError(f"{name!r} is not the one parameter of the polynomial")
     return str(symbols[0].name)

@@ -12,10 +12,9 @@ import numpy as np
 
 from filippov.app.bank.case import Case, Entry
 from filippov.app.bank.case_runs import CaseRuns
-from filippov.app.bank.expectation import Expectation, Subject
+from filippov.app.bank.expectation import Expectation, Subject, numbers
 from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome
-from filippov.app.bank.polynomial import Polynomial
 from filippov.app.bank.quantities.quantity import Quantity
 from filippov.base.errors import ModelError, UsageError
 
@@ -72,39 +71,21 @@ class Old:
         return self.subject
 
     @property
-    def polynomial(self) -> Polynomial:
-        """The polynomial of the case."""
-        assert isinstance(self.subject, Polynomial)
-        return self.subject
-
-    @property
     def states(self) -> tuple[str, ...]:
         """Names of the states."""
         return self.subject.states if isinstance(self.subject, CaseRuns) else ()
 
     def number(self, text: Any) -> float:
-        """A number in the case's parameters. Raises NotUnderstoodError."""
-        try:
-            return number(text, self.subject.names)
-        except ModelError as error:
-            raise NotUnderstoodError(str(error)) from None
-
-    def numbers(self, value: Any) -> Any:
-        """A number, or nested lists of numbers as an array. Raises NotUnderstoodError."""
-        if isinstance(value, Sequence) and not isinstance(value, str):
-            try:
-                return np.array([self.numbers(item) for item in value], dtype=float)
-            except ValueError:
-                raise NotUnderstoodError("the lists are of different lengths") from None
-        return self.number(value)
+        """A number in the case's parameters. Raises ModelError."""
+        return number(text, self.subject.names)
 
     def wanted(self) -> Any:
-        """The expected numbers. Raises NotUnderstoodError where the value is prose."""
-        return self.numbers(self.value)
+        """The expected numbers. Raises ModelError where the value is prose."""
+        return numbers(self.value, self.subject)
 
     @property
     def size(self) -> int:
-        """How many numbers are expected. Raises NotUnderstoodError where the value is prose."""
+        """How many numbers are expected. Raises ModelError where the value is prose."""
         return int(np.size(self.wanted()))
 
     def e(self, measure: Quantity, **compare: Any) -> Expectation:
@@ -158,9 +139,8 @@ def readings(old: Old, rules: Rules) -> list[Reading]:
             continue
         try:
             found = list(function(old, defaultdict(lambda: None, match.groupdict())))
-        except NotUnderstoodError as error:
-            reason = str(error)
-            continue
+        except (NotUnderstoodError, ModelError) as error:
+            reason, found = str(error), []
         if found:
             return found
     raise NotUnderstoodError(reason)
@@ -169,18 +149,15 @@ def readings(old: Old, rules: Rules) -> list[Reading]:
 def nearest(old: Old, found: Sequence[Reading]) -> tuple[Outcome, Reading]:
     """The outcome of the reading that is nearest to the value. Raises NotUnderstoodError, MissingError."""
     outcomes: list[tuple[Outcome, Reading]] = []
-    missing: Exception = MissingError("the run has no such value")
-    understood = False
+    missing: MissingError | None = None
+    reason = ""
     for reading in found:
         try:
             outcomes.append(reading.outcome(old.subject))
-            understood = True
         except MissingError as error:
-            missing, understood = error, True
+            missing = error
         except (ModelError, UsageError) as error:
-            missing = missing if understood else error
-    if not understood:
-        raise NotUnderstoodError(str(missing))
+            reason = str(error)
     if not outcomes:
-        raise missing
+        raise missing or NotUnderstoodError(reason)
     return min(outcomes, key=lambda pair: pair[0].ratio)

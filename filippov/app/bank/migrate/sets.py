@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from sympy import Symbol
 
-from filippov import ModelError, Status
+from filippov import Status
 from filippov import t as time_symbol
 from filippov.app.bank.migrate.events import counting, kind_word
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
@@ -176,12 +176,8 @@ def _multiplier(old: Old, _: Groups) -> list[Reading]:
 
 
 def _of_time(old: Old, text: str) -> str:
-    """A formula in t. Raises NotUnderstoodError."""
-    try:
-        found = formula(text, old.runs.names)
-    except ModelError as error:
-        raise NotUnderstoodError(str(error)) from None
-    if found.free_symbols - {time_symbol}:
+    """A formula in t. Raises NotUnderstoodError, ModelError."""
+    if formula(text, old.runs.names).free_symbols - {time_symbol}:
         raise NotUnderstoodError("it is no formula in t")
     return text
 

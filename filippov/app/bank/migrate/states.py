@@ -25,7 +25,6 @@ from filippov.app.bank.quantities.states import (
     Stop,
     TurningPoints,
 )
-from filippov.base.errors import ModelError
 
 _KINDS = "enter|entry|exit|leave|cross|crossing|slide|stick|switch|event|impact|reset|release"
 _SPANS: tuple[Any, ...] = ("period", "span")
@@ -120,11 +119,8 @@ def _level(old: Old, g: Groups) -> list[Reading]:
 
 
 def level(old: Old, left: str, right: str) -> str:
-    """The formula that vanishes where left = right. Raises NotUnderstoodError."""
-    try:
-        formula(left, old.subject.names), formula(right, old.subject.names)
-    except ModelError as error:
-        raise NotUnderstoodError(str(error)) from None
+    """The formula that vanishes where left = right. Raises ModelError."""
+    formula(left, old.subject.names), formula(right, old.subject.names)
     return f"{left}-({right})"
 
 

@@ -80,13 +80,12 @@ class Along(Quantity, quantity="along"):
 
     def _function(self, runs: CaseRuns, run: Solution) -> Callable[[Array], Array]:
         """The formula as a function of times."""
-        assert run.sol is not None
-        sol = run.sol
         probed = [Symbol(name, real=True) for name in (*self.signs, *self.rates)]
         whole = expression(runs, self.formula, self.where, {symbol.name: symbol for symbol in probed})
-        compiled = sympy.lambdify([time_symbol, *runs.built.states, *probed], whole, "numpy")
         if not probed:
-            return lambda times: np.broadcast_to(np.asarray(compiled(times, *sol(times)), float), times.shape)
+            return runs.along(run, whole)
+        assert run.sol is not None
+        sol, compiled = run.sol, sympy.lambdify([time_symbol, *runs.built.states, *probed], whole, "numpy")
 
         def at(time: float) -> float:
             rates, multipliers = runs.velocity(run, time)

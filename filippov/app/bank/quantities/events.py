@@ -246,7 +246,7 @@ class Ratios(Quantity, quantity="ratios"):
         if self.between == "intervals":
             return np.diff([e.t for e in events])
         if self.between == "distances":
-            machine = Machine(runs.main.problem.system, runs.method, runs.main.problem.p)
+            machine = Machine(runs.built.system, runs.main.options.stepper, runs.main.problem.p)
             rows = [(e.t, np.ascontiguousarray(e.x), np.array(e.before, dtype=float)) for e in events]
             sizes = np.array([np.sum(np.abs(machine.guards(*row))) for row in rows])
             if not np.all(sizes[:-1] > NEAREST):

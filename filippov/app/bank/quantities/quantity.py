@@ -73,7 +73,7 @@ class Formula(Quantity, quantity="formula"):
 def moment(runs: CaseRuns, when: When) -> float:
     """The value of a time; by default the end of the span."""
     if when is None:
-        return runs.t_end
+        return runs.built.t_span[1]
     if isinstance(when, Quantity):
         return float(np.asarray(when(runs)).reshape(()))
     return runs.number(when)
@@ -85,7 +85,8 @@ def segments_over(runs: CaseRuns, over: Over) -> list[tuple[Solution, float, flo
         run, (low, high) = runs.cycle.run, runs.cycle.span
     elif isinstance(over, tuple):
         low, high = sorted(moment(runs, when) for when in over)
-        run = runs.covering(high if runs.t_end >= runs.built.t_span[0] else low)
+        start, end = runs.built.t_span
+        run = runs.covering(high if end >= start else low)
     else:
         run = runs.main
         low, high = sorted((run.problem.t_span[0], run.t_end))

@@ -145,8 +145,7 @@ class Continuations(Quantity, quantity="continuations"):
     take: str = "count"
 
     def __call__(self, subject: CaseRuns) -> Any:
-        _, every = subject.candidates()
-        found = [c for c in every if slides(c.mode) or not self.slides]
+        found = [c for c in subject.candidates() if slides(c.mode) or not self.slides]
         if self.deepest:
             depth = max((c.mode.count(0) for c in found), default=0)
             found = [c for c in found if c.mode.count(0) == depth]

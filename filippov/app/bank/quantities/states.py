@@ -268,11 +268,9 @@ class TurningPoints(Quantity, quantity="turning_points"):
             if (not rows or abs(x[k] - rows[-1][1][k]) > 1e-12) and (self.start or t > begin + 1e-12):
                 rows.append((t, x, way))
         rows = [row for row in rows if self.kind is None or row[2] == (-1 if self.kind == "max" else 1)]
-        if self.number is not None:
-            rows = [one_of(rows, self.number, "turning points")]
         name = self.component if self.take == "value" else self.take
-        found = [t if name == "t" else x[subject.component(name)] for t, x, _ in rows][: self.first]
-        return found if self.number is None else found[0]
+        found = [t if name == "t" else x[subject.component(name)] for t, x, _ in rows]
+        return found[: self.first] if self.number is None else one_of(found, self.number, "turning points")
 
 
 def turning(runs: CaseRuns, run: Solution, k: int) -> list[tuple[float, int]]:

@@ -43,10 +43,8 @@ class SolverProcess:
             self._start()
             assert self._process is not None
             assert self._process.stdin is not None
-            asked = {
-                "case": {**case.raw, "id": case.id}, "rtol": limits.rtol, "atol": limits.atol,
-                "calls": limits.calls, "seconds": limits.seconds, "tolerance": tolerance,
-            }  # fmt: skip
+            given = {"limits": asdict(limits), "tolerance": tolerance}
+            asked = {"case": {**case.raw, "id": case.id}, **given}
             self._process.stdin.write(json.dumps(asked) + "\n")
             self._process.stdin.flush()
             answer = self._lines.get(timeout=limits.seconds + GRACE)
@@ -119,8 +117,8 @@ def serve(name: str) -> None:
     print("ready", file=answers, flush=True)
     for line in sys.stdin:
         asked: dict[str, Any] = json.loads(line)
-        limits = Limits(asked["rtol"], asked["atol"], asked["calls"], asked["seconds"])
-        row = solver_row(solver, read_bank([asked["case"]])[0], limits, asked["tolerance"])
+        limits, (case,) = Limits(**asked["limits"]), read_bank([asked["case"]])
+        row = solver_row(solver, case, limits, asked["tolerance"])
         print(json.dumps(asdict(row)), file=answers, flush=True)
 
 

@@ -47,29 +47,29 @@ class SolverRow:
 def solver_row(solver: ReferenceSolver, case: Case, limits: Limits, tolerance: float) -> SolverRow:
     """The outcome; whatever the solver raises is one."""
     limits.started = time.monotonic()
+
+    def row(outcome: str, text: object = "", reported: bool = False, error: float | None = None) -> SolverRow:
+        return SolverRow(case.id, solver.name, outcome, reported, error, str(text)[:200])
+
     try:
         problem = given(case)
         states, reported = solver.solve(problem, limits)
     except HangError:
-        return SolverRow(case.id, solver.name, "hang", False, None)
+        return row("hang")
     except SaidError as said:
-        right = problem.ambiguous
-        return SolverRow(case.id, solver.name, "right" if right else "error", False, None, str(said)[:200])
-    except CannotError as reason:
-        if solver in FILIPPOV:
+        return row("right" if problem.ambiguous else "error", said)
+    except (CannotError, ModelError) as reason:
+        if solver in FILIPPOV and isinstance(reason, CannotError):
             return _by_expectations(solver.name, case, limits)
-        return SolverRow(case.id, solver.name, "cannot", False, None, str(reason)[:200])
-    except ModelError as error:
-        return SolverRow(case.id, solver.name, "cannot", False, None, str(error)[:200])
+        return row("cannot", reason)
     except Exception as error:  # noqa: BLE001 (a solver may raise anything; it is its outcome)
-        return SolverRow(case.id, solver.name, "error", False, None, f"{type(error).__name__}: {error}"[:200])
+        return row("error", f"{type(error).__name__}: {error}")
     if not reported:
-        return SolverRow(case.id, solver.name, "error", False, None, "ended early")
+        return row("error", "ended early")
     if problem.ambiguous:
-        return SolverRow(case.id, solver.name, "silent", True, None, "one of several solutions")
+        return row("silent", "one of several solutions", True)
     gap, ratio = worst(problem, states, tolerance)
-    shown = float(gap) if np.isfinite(gap) else None
-    return SolverRow(case.id, solver.name, "right" if ratio <= 1 else "wrong", True, shown)
+    return row("right" if ratio <= 1 else "wrong", "", True, float(gap) if np.isfinite(gap) else None)
 
 
 def _by_expectations(name: str, case: Case, limits: Limits) -> SolverRow:

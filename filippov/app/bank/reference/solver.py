@@ -111,9 +111,7 @@ def given(case: Case) -> Given:
     if built.system.time_events:
         raise CannotError("a clock: it takes restarts")
     several = ambiguous(expected)
-    asked = targets(built, expected)
-    if several:
-        asked = (Target(built.t_span[1], (), ()),)
+    asked = (Target(built.t_span[1], (), ()),) if several else targets(built, expected)
     if not asked:
         raise CannotError("no state at a known time is expected")
     count = len(next(iter(built.fields)))

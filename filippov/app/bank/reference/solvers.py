@@ -39,10 +39,14 @@ def run_scipy(method: str, case: Given, limits: Limits) -> tuple[Array, bool]:
             numeric_field(case, limits), (start, case.times[-1]), case.built.x0, method=method,
             t_eval=case.times, rtol=limits.rtol, atol=limits.atol,
         )  # fmt: skip
+    return _states(case, found), bool(found.success)
+
+
+def _states(case: Given, found: Any) -> Array:
     states = np.full((len(case.times), len(case.built.x0)), np.nan)
     if found.success:
         states[: found.y.shape[1]] = found.y.T
-    return states, bool(found.success)
+    return states
 
 
 def run_filippov(method: str, case: Given, limits: Limits) -> tuple[Array, bool]:
@@ -56,10 +60,7 @@ def run_filippov(method: str, case: Given, limits: Limits) -> tuple[Array, bool]
         raise HangError
     if found.status is Status.NON_UNIQUE:
         raise SaidError(found.message)
-    states = np.full((len(case.times), len(case.built.x0)), np.nan)
-    if found.success:
-        states[: found.y.shape[1]] = found.y.T
-    return states, found.success
+    return _states(case, found), found.success
 
 
 def run_heyoka(case: Given, limits: Limits) -> tuple[Array, bool]:
