@@ -15,24 +15,19 @@ import sympy
 from scipy.optimize import brentq
 from sympy import Expr
 
+from filippov import ModelError, Solution, SolutionTree, SolveError, Status, UsageError, solve
+from filippov import t as time_symbol
+from filippov.analysis import Orbit, find_orbit
 from filippov.analysis.algebra.budget import OutOfBudgetError
 from filippov.analysis.algebra.deadline import within
-from filippov.analysis.orbits.orbit import Orbit
-from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.app.bank.build import Built
 from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError, OutOfTimeError
 from filippov.app.bank.recurrence import Cycle, recurrence
 from filippov.base.arrays import Array
-from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.base.names import check_known
-from filippov.base.status import Status
-from filippov.model.symbols import t as time_symbol
 from filippov.solving.selection.modes import Successor
-from filippov.solving.solution import Solution
-from filippov.solving.solution_tree import SolutionTree
-from filippov.solving.solver import solve
 from filippov.solving.state.events import Event, Mode
 from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import falls

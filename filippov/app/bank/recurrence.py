@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
-from filippov import EventKind, Solution
+from filippov import Solution
 from filippov.solving.state.events import Event
+
+_word = attrgetter("index", "kind", "direction")
 
 
 @dataclass(frozen=True)
@@ -34,20 +37,16 @@ def recurrence(run: Solution, events: Sequence[Event]) -> Cycle | None:
     best: Cycle | None = None
     scale = 1.0 + max((float(np.max(np.abs(e.x), initial=0.0)) for e in events), default=0.0)
     for k in range(1, len(events) // 2 + 1):
-        last, before = events[-k:], events[-2 * k : -k]
-        if any(_word(a) != _word(b) for a, b in zip(last, before, strict=True)):
+        pairs = list(zip(events[-k:], events[-2 * k : -k], strict=True))
+        if any(_word(a) != _word(b) for a, b in pairs):
             continue
-        gap = max(float(np.max(np.abs(a.x - b.x))) for a, b in zip(last, before, strict=True)) / scale
-        shifts = np.array([a.t - b.t for a, b in zip(last, before, strict=True)])
+        gap = max(float(np.max(np.abs(a.x - b.x))) for a, b in pairs) / scale
+        shifts = np.array([a.t - b.t for a, b in pairs])
         gap = max(gap, float(np.ptp(shifts)) / (1.0 + abs(float(shifts[-1]))))
         if gap < 1e-7 and shifts[-1] > 0:
-            found = Cycle(run, float(shifts[-1]), tuple(last), gap)
+            found = Cycle(run, float(shifts[-1]), tuple(events[-k:]), gap)
             if best is None or found.residual < 1e-2 * best.residual:
                 best = found
             if found.residual < 3e-11:
                 return found
     return best
-
-
-def _word(event: Event) -> tuple[int, EventKind, int]:
-    return event.index, event.kind, event.direction

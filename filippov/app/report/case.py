@@ -10,22 +10,18 @@ from typing import Any
 import numpy as np
 
 from filippov import SolveError, UsageError, solve
+from filippov.analysis import EventMap, bifurcation, find_orbit, stability_report
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
 from filippov.analysis.comparisons.independent import Orbits
-from filippov.analysis.diagrams.bifurcation import bifurcation
 from filippov.analysis.diagrams.diagram import Diagram
-from filippov.analysis.local_stability.stability import stability_report
-from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.gap_roots import fixed_point_near
-from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.app.report.context import Context
 from filippov.app.report.effort import Effort
 from filippov.app.report.part import first
 from filippov.base.arrays import Array
-from filippov.graphs.graph import observed_graph
-from filippov.graphs.word import mode_word
+from filippov.graphs import mode_word, observed_graph
 from filippov.models.studies import Study, StudyCase
 from filippov.solving.state.machine import Machine
 

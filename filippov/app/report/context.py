@@ -6,8 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from filippov.analysis.maps.event_map import EventMap
-from filippov.analysis.maps.section import Section
+from filippov.analysis import EventMap, Section
 from filippov.app.report.aside import Aside
 from filippov.app.report.effort import Effort
 from filippov.base.errors import UsageError

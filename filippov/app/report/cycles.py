@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy
 
+from filippov.analysis import Orbit, curve, regions
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
-from filippov.analysis.bifurcations.curve import curve
-from filippov.analysis.diagrams.regions import regions
-from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.steady.rest_map import growth, rest_map, threshold
 from filippov.app.report.case import CaseCycles, CaseResults
 from filippov.app.report.part import NONE, Chapter, Picture, TextTable, answer, first, number
 from filippov.app.report.run import StudyRun
 from filippov.base.arrays import Array
-from filippov.plot.branch import plot_branches
+from filippov.plot import plot_branches, plot_regions
 from filippov.plot.place import label_beside
-from filippov.plot.regions import plot_regions
 from filippov.plot.style import GREY, INK, SERIES, new_figure, style
 
 if TYPE_CHECKING:

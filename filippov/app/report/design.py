@@ -8,24 +8,20 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from filippov import SolveError, solve
+from filippov.analysis import EventMap, Record, Section, find_orbit
+from filippov.analysis import gain_map as ratio_map
 from filippov.analysis.estimation.identification import Identified, identify
-from filippov.analysis.estimation.record import Record
-from filippov.analysis.gains.gain_map import gain_map as ratio_map
 from filippov.analysis.gains.tuning import Tuning, tune
 from filippov.analysis.harmonic.describing_function import DescribingFunction, describing_function
-from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
-from filippov.analysis.maps.section import Section
-from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.app.report.context import Context
 from filippov.app.report.effort import Effort
 from filippov.app.report.part import NONE, Chapter, Picture, TextTable, number, yes
 from filippov.app.report.run import StudyRun
 from filippov.models import registry
 from filippov.models.studies import Law, Study
-from filippov.plot.describing import plot_describing_function
-from filippov.plot.identification import plot_identification
-from filippov.plot.tuning import plot_gain_maps as plot_ratio_maps
+from filippov.plot import plot_describing_function, plot_identification
+from filippov.plot import plot_gain_maps as plot_ratio_maps
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from filippov.app.report.case import CaseResults, Samples
@@ -34,7 +35,7 @@ def fixed_points(run: StudyRun) -> Chapter:
     ]  # fmt: skip
     facts = {f"cycle_{c.slug}_{k}": q.d for c in run.cases for k, q in enumerate(c.cycles, start=1)}
     facts |= {f"jump_{c.slug}": jump.above for c in run.cases for jump in c.jumps if jump.d == 0}
-    rows = [(c.case.key, *_values(q, POINT)) for c in run.cases for q in c.fixed]
+    rows = [(c.case.key, *attrgetter(*POINT)(q)) for c in run.cases for q in c.fixed]
     return Chapter(
         "fixed-points", f"Fixed points of the {ordinal} iterate",
         [*pictures, _points_table(run, ordinal), _basins(run)], facts,
@@ -74,11 +75,11 @@ def bifurcation(run: StudyRun) -> Chapter:
             for value, points in zip(c.diagram.values, c.diagram.points, strict=True)
         } for c in cases},
     }  # fmt: skip
-    special = [(c.case.key, *_values(s, SPECIAL)) for c in cases for s in c.diagram.special]
+    special = [(c.case.key, *attrgetter(*SPECIAL)(s)) for c in cases for s in c.diagram.special]
     files: list[Any] = [("special_points.csv", ("case", *SPECIAL), special)]
     for c in cases:
         rows = [
-            (value, *_values(q, POINT)) for diagram in c.diagrams
+            (value, *attrgetter(*POINT)(q)) for diagram in c.diagrams
             for value, found in zip(diagram.values, diagram.points, strict=True) for q in found
         ]  # fmt: skip
         files.append((f"bifurcation_{c.slug}.csv", (name, *POINT), rows))
@@ -218,7 +219,3 @@ def _point(q: Any) -> dict[str, Any]:
     if q.note or not math.isfinite(q.slope):
         out["note"] = q.note or f"the slope is {q.slope}"
     return out
-
-
-def _values(item: Any, names: Sequence[str]) -> list[Any]:
-    return [getattr(item, name) for name in names]

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 from filippov.base.errors import UsageError
+
+# What a resolution changes, with the least of it.
+LEAST = {"points": 100, "samples": 50, "cells": (4, 4), "tune": (16, 12), "grid": 4, "follow": 2}
 
 
 @dataclass(frozen=True)
@@ -42,12 +46,9 @@ class Effort:
         if not 0.1 <= resolution <= 20:
             raise UsageError(f"resolution is {resolution:g}, expected a factor of 0.1 to 20.")
 
-        def times(count: int, least: int) -> int:
+        def times(count: Any, least: Any) -> Any:
+            if isinstance(count, tuple):
+                return tuple(map(times, count, least))
             return max(least, round(resolution * count))
 
-        return replace(
-            self, points=times(self.points, 100), samples=times(self.samples, 50),
-            cells=(times(self.cells[0], 4), times(self.cells[1], 4)),
-            tune=(times(self.tune[0], 16), times(self.tune[1], 12)), grid=times(self.grid, 4),
-            follow=times(self.follow, 2),
-        )  # fmt: skip
+        return replace(self, **{name: times(getattr(self, name), least) for name, least in LEAST.items()})

@@ -12,9 +12,7 @@ from filippov.app.report.part import NONE, Chapter, Picture, TextTable, Words, n
 from filippov.app.report.run import StudyRun
 from filippov.base.status import mode_text
 from filippov.graphs.graph import possible_graph
-from filippov.plot.graph import plot_graph
-from filippov.plot.maps import plot_iterates
-from filippov.plot.solution import plot_phase, plot_solution
+from filippov.plot import plot_graph, plot_iterates, plot_phase, plot_solution
 from filippov.plot.style import INK, SERIES, new_figure, style
 
 if TYPE_CHECKING:

@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov import Solution, SolveError, solve
+from filippov.analysis import Orbit, find_orbit
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
-from filippov.analysis.orbits.orbit import Orbit
-from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.app.report.cycles import rows_of
 from filippov.app.report.effort import Effort
 from filippov.app.report.part import NONE, Chapter, Picture, TextTable, first, number
 from filippov.app.report.run import StudyRun
-from filippov.models.studies import Study, StudyCase
+from filippov.models.studies import Study
 from filippov.plot.branch import draw_line
 from filippov.plot.style import GREY, INK, SERIES, new_figure, style
 
@@ -50,30 +49,27 @@ class Followed:
 
 
 def followed(study: Study, effort: Effort, k: int) -> Followed:
-    """The results of the smoother model of a study in case k."""
-    return Smoother(study, effort).follow(study.cases[k])
+    """The branch of the smoother model of a study in case k, and the behaviour of starts near rest."""
+    model, asked = Smoother(study), study.relative
+    assert asked is not None
+    own = {k: v for k, v in study.cases[k].parameters.items() if k in model.system.parameters}
+    branch = model.branch(model.orbit(own, asked.x0), study.values[-1], effort.follow)
+    beyond = None
+    if not branch.folds and effort.relatives is None:
+        value, x0 = asked.beyond
+        far = model.orbit({**own, study.parameter: value}, x0)
+        beyond = model.branch(far, max(study.beyond), 1)
+    return Followed(branch, beyond, tuple((a, model.rests(own, a)) for a in asked.small))
 
 
 class Smoother:
     """The smoother model of a study, and its solutions, orbits and branches."""
 
-    def __init__(self, study: Study, effort: Effort) -> None:
+    def __init__(self, study: Study) -> None:
         assert study.relative is not None
-        self.study, self.effort, self.asked = study, effort, study.relative
+        self.study, self.asked = study, study.relative
         self.system = self.asked.build()
         self.size = f"amplitude {self.system.states[0]}"
-
-    def follow(self, case: StudyCase) -> Followed:
-        """Its branch in one case, and the behaviour of starts near rest."""
-        study, asked, effort = self.study, self.asked, self.effort
-        own = {k: v for k, v in case.parameters.items() if k in self.system.parameters}
-        branch = self.branch(self.orbit(own, asked.x0), study.values[-1], effort.follow)
-        beyond = None
-        if not branch.folds and effort.relatives is None:
-            value, x0 = asked.beyond
-            far = self.orbit({**own, study.parameter: value}, x0)
-            beyond = self.branch(far, max(study.beyond), 1)
-        return Followed(branch, beyond, tuple((a, self.rests(own, a)) for a in asked.small))
 
     def solution(self, values: Mapping[str, float], x0: Sequence[float], time: float) -> Solution:
         """A solution of a given length."""

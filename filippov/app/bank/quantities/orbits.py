@@ -7,11 +7,8 @@ from typing import Any, Literal
 import numpy as np
 
 from filippov import EventKind, ModelError, SolveError, UsageError
+from filippov.analysis import Orbit, continuation, describing_function, find_orbit
 from filippov.analysis.algebra.growth import ACCURACY, by_multipliers
-from filippov.analysis.bifurcations.continuation import continuation
-from filippov.analysis.harmonic.describing_function import describing_function
-from filippov.analysis.orbits.orbit import Orbit
-from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.app.bank.build import build

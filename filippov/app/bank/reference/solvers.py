@@ -32,11 +32,10 @@ STAGES = {"Tsit5": 6, "Dopri8": 13}
 
 def run_scipy(method: str, case: Given, limits: Limits) -> tuple[Array, bool]:
     """States at the times asked for, by solve_ivp."""
-    start, _ = case.built.t_span
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         found = solve_ivp(
-            numeric_field(case, limits), (start, case.times[-1]), case.built.x0, method=method,
+            numeric_field(case, limits), (case.built.t_span[0], case.times[-1]), case.built.x0, method=method,
             t_eval=case.times, rtol=limits.rtol, atol=limits.atol,
         )  # fmt: skip
     return _states(case, found), bool(found.success)
@@ -130,10 +129,9 @@ def run_diffrax(method: str, case: Given, limits: Limits) -> tuple[Array, bool]:
             total = total + jnp.where(weight > 0, weight * row, 0.0)
         return total
 
-    start, _ = case.built.t_span
     solver, steps = getattr(diffrax, method)(), limits.calls // STAGES[method]
     found = diffrax.diffeqsolve(
-        diffrax.ODETerm(field), solver, start, case.times[-1], None, jnp.array(case.built.x0),
+        diffrax.ODETerm(field), solver, case.built.t_span[0], case.times[-1], None, jnp.array(case.built.x0),
         saveat=diffrax.SaveAt(ts=jnp.array(case.times)), max_steps=steps, throw=False,
         stepsize_controller=diffrax.PIDController(rtol=limits.rtol, atol=limits.atol),
     )  # fmt: skip
