@@ -155,7 +155,7 @@ class Study:
     parameter, values  of the bifurcation diagrams; `beyond`: further values, for the classification only
     texts              (title, paragraph) by section, before its figures and tables: "summary", "differences"
                        and the anchors of the report; "figure NAME": a caption. {fold_2:.9f} and the like
-                       stand for computed values (see `filippov.app.report.page.Facts`), [[regions]] for the
+                       stand for computed values (see `filippov.app.report.facts.Facts`), [[regions]] for the
                        number of a figure (its file), a table (its label) or a section (its anchor)
     symbols            (symbol, what it is, unit) of everything in the texts except parameters
     letter             of the event map in words and labels, where R means something else

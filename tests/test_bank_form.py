@@ -132,6 +132,7 @@ def test_13_5_options_are_the_solvers_defaults_unless_the_case_says_otherwise() 
         ({"measure": {"quantity": "event", "number": 0}}, "number is 0"),
         ({"measure": {"quantity": "formula", "formula": "x"}}, "has no value here"),
         ({"measure": {"quantity": "event"}, "part": "F2"}, "part"),
+        ({"measure": {"quantity": "events"}, "value": [[1, 2], 3]}, "the lists are of different lengths"),
     ],
 )
 def test_13_5_what_is_wrong_is_refused_by_name(change: dict[str, Any], said: str) -> None:

@@ -20,8 +20,7 @@ from filippov.app.bank import Row, read_bank, rows_json, rows_text, run_bank
 from filippov.app.bank.compare import OUTCOMES, compare_bank, read_solvers, solvers_json, solvers_text
 from filippov.app.bank.notation import formula, strict
 from filippov.app.bank.reference.process import SolverProcess
-from filippov.app.bank.reference.solver import Limits
-from filippov.app.bank.target import whole_and_parts
+from filippov.app.bank.reference.solver import Limits, whole_and_parts
 from filippov.app.cli.main import main
 from filippov.base.errors import ModelError
 from filippov.model.expression import parse_condition, parse_expression

@@ -86,12 +86,11 @@ def _load(path: Path) -> Any:
 
 
 def _case(item: Any, place: int) -> Case:
+    case_id = f"case {place + 1}"
     if not isinstance(item, Mapping):
-        return Case(
-            f"case {place + 1}", {"wrong": f"case {place + 1} is {item!r:.60}, expected an object."}, ()
-        )
-    name = item.get("id")
-    case_id = name if isinstance(name, str) and name.strip() else f"case {place + 1}"
+        return Case(case_id, {"wrong": f"{case_id} is {item!r:.60}, expected an object."}, ())
+    if isinstance(item.get("id"), str) and item["id"].strip():
+        case_id = item["id"]
     entries = item.get("expected") or []
     if not isinstance(entries, Sequence) or isinstance(entries, str):
         wrong = f"expected is {entries!r:.60}, a list of objects is needed."
@@ -101,10 +100,8 @@ def _case(item: Any, place: int) -> Case:
 
 def _entries(item: Mapping[str, Any], entries: Sequence[Any]) -> tuple[Entry, ...]:
     """The expectations under names that differ, with the number of events that the case itself gives."""
-    found: list[tuple[str, Mapping[str, Any]]] = []
-    for place, entry in enumerate(entries):
-        given = entry if isinstance(entry, Mapping) else {}
-        found.append((str(given.get("name", f"expectation {place + 1}")), given))
+    every = [entry if isinstance(entry, Mapping) else {} for entry in entries]
+    found = [(str(given.get("name", f"expectation {place}")), given) for place, given in enumerate(every, 1)]
     if item.get("n_events") is not None and all(name != "n_events" for name, _ in found):
         found.append(("n_events", {"name": "n_events", "value": item["n_events"], "tol": 0}))
     out: dict[str, Entry] = {}

@@ -11,10 +11,9 @@ from typing import Any
 from filippov.app.bank.case import LARGEST_FILE, chosen, read_bank
 from filippov.app.bank.reference.process import SolverProcess
 from filippov.app.bank.reference.row import OUTCOMES, SolverRow
-from filippov.app.bank.reference.solver import Limits, ReferenceSolver
+from filippov.app.bank.reference.solver import Limits, ReferenceSolver, whole_and_parts
 from filippov.app.bank.reference.solvers import FAMILIES, FILIPPOV
 from filippov.app.bank.row import widest
-from filippov.app.bank.target import whole_and_parts
 from filippov.base.errors import UsageError
 from filippov.base.escape import printable
 from filippov.base.json_text import json_text

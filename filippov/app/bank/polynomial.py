@@ -47,10 +47,9 @@ class Polynomial:
         """The parameters, by name."""
         return tuple(self.names[name] for name in sorted(self.names) if isinstance(self.names[name], Symbol))
 
-    def at(self, values: Mapping[str, Expr]) -> Polynomial:
+    def at(self, values: Mapping[Symbol, Expr]) -> Polynomial:
         """The polynomial with numbers in place of parameters."""
-        chosen = {self.names[name]: value for name, value in values.items()}
-        return Polynomial(tuple(c.subs(chosen) for c in self.coefficients), {}, self.budget)
+        return Polynomial(tuple(c.subs(values) for c in self.coefficients), {}, self.budget)
 
     def roots(self) -> list[complex]:
         """All roots with their multiplicity, to double precision. Raises ModelError with parameters left."""
@@ -70,7 +69,7 @@ class Polynomial:
     def stable_at(self, point: Mapping[Symbol, Expr]) -> Any:
         """Whether all roots are left of the axis at a point of the parameters; None where all vanish."""
         try:
-            verdict = count_roots([c.subs(point) for c in self.coefficients]).verdict
+            verdict = count_roots(list(self.at(point).coefficients)).verdict
         except UsageError:
             return None
         return sympy.true if verdict is Verdict.ASYMPTOTICALLY_STABLE else sympy.false

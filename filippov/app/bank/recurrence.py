@@ -9,6 +9,7 @@ from operator import attrgetter
 import numpy as np
 
 from filippov import Solution
+from filippov.solving.segments import Segment
 from filippov.solving.state.events import Event
 
 _word = attrgetter("index", "kind", "direction")
@@ -30,6 +31,12 @@ class Cycle:
     def span(self) -> tuple[float, float]:
         """First and last time of it."""
         return self.events[-1].t - self.period, self.events[-1].t
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """Its parts in one mode."""
+        (low, high), tiny = self.span, 1e-9 * self.period
+        return tuple(s for s in self.run.segments if s.t0 >= low - tiny and s.t1 <= high + tiny)
 
 
 def recurrence(run: Solution, events: Sequence[Event]) -> Cycle | None:

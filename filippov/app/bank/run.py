@@ -14,7 +14,7 @@ from filippov import Status
 from filippov.analysis.algebra.budget import OutOfBudgetError
 from filippov.analysis.algebra.deadline import within
 from filippov.app.bank.case import Case, chosen, read_bank
-from filippov.app.bank.case_runs import CaseRuns, Settings, in_time
+from filippov.app.bank.case_runs import Settings, in_time
 from filippov.app.bank.expectation import Subject
 from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome, OutOfTimeError
 from filippov.app.bank.polynomial import Polynomial
@@ -75,10 +75,8 @@ def _rows(cases: Sequence[Case], settings: Settings, jobs: int) -> Iterable[tupl
         }
         for future in as_completed(left):
             place, error = left[future], future.exception()
-            if error is None:
-                yield place, future.result()
-            else:
-                yield place, _broken(cases[place], f"{type(error).__name__}: {error}", "error", 0.0)
+            said, now = f"{type(error).__name__}: {error}", time.monotonic()
+            yield place, future.result() if error is None else _broken(cases[place], said, "error", now)
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 
@@ -110,38 +108,36 @@ def run_case(case: Case, settings: Settings | None = None) -> Row:
         except Exception as error:  # noqa: BLE001 (as above)
             outcomes[entry.name] = Outcome(float("inf"), 0.0, f"{type(error).__name__}: {error}")
             status = status or "error"
-    status = status or _status(subject)
-    return _row(case, subject, outcomes, left, status, started, subjects.field_calls)
+    ended, message = _end(subject)
+    message = message if outcomes else "no expectation could be evaluated"
+    return _row(case, outcomes, left, status or ended, started, message, subjects.field_calls)
 
 
 def _row(
-    case: Case, subject: Subject, outcomes: dict[str, Outcome], left: dict[str, str], status: str,
-    started: float, field_calls: int,
+    case: Case, outcomes: dict[str, Outcome], left: dict[str, str], status: str, started: float,
+    message: str, field_calls: int = 0,
 ) -> Row:  # fmt: skip
     failed = {name: outcome for name, outcome in outcomes.items() if not outcome.passed}
     worst = max(outcomes.values(), key=lambda outcome: outcome.ratio, default=None)
-    message = "; ".join(f"{name}: {o.note or f'error {o.error:.2g}'}" for name, o in failed.items())
-    if not outcomes:
-        message = "no expectation could be evaluated"
-    if not message and isinstance(subject, CaseRuns) and status not in ("success", "complete"):
-        message = subject.main.message
+    said = "; ".join(f"{name}: {o.note or f'error {o.error:.2g}'}" for name, o in failed.items())
     return Row(
         case.id, bool(outcomes) and not failed, None if worst is None else worst.error,
         None if worst is None else worst.tolerance, tuple(outcomes), tuple(left), status,
-        round(time.monotonic() - started, 4), message, field_calls, tuple(left.values()),
+        round(time.monotonic() - started, 4), said or message, field_calls, tuple(left.values()),
     )  # fmt: skip
 
 
-def _status(subject: Subject) -> str:
+def _end(subject: Subject) -> tuple[str, str]:
+    """How the run of a case ended, and what it says where it did not succeed."""
     if isinstance(subject, Polynomial):
-        return subject.routh.status
+        return subject.routh.status, ""
     # A case all of whose expectations were prose may not have been solved.
     ran = subject.__dict__.get("main")
-    return ran.status.value if ran is not None else Status.SUCCESS.value
+    if ran is None or ran.status is Status.SUCCESS:
+        return Status.SUCCESS.value, ""
+    return ran.status.value, ran.message
 
 
 def _broken(case: Case, message: str, status: str, started: float) -> Row:
     """The row of a case that could not be put to the solver."""
-    names = tuple(entry.name for entry in case.expected)
-    seconds = round(time.monotonic() - started, 4) if started else 0.0
-    return Row(case.id, False, None, None, (), names, status, seconds, message, 0, (message,) * len(names))
+    return _row(case, {}, {entry.name: message for entry in case.expected}, status, started, message)

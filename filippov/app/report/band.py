@@ -9,10 +9,10 @@ from typing import Any
 from filippov.analysis.comparisons.band_model import BandModel
 from filippov.analysis.comparisons.comparison import compare_sections
 from filippov.analysis.comparisons.comparison_result import Comparison, label, largest, options_of
+from filippov.app.report.case import StudyRun
 from filippov.app.report.context import Context
 from filippov.app.report.effort import Effort
 from filippov.app.report.part import NONE, Chapter, Picture, TextTable, Words, number
-from filippov.app.report.run import StudyRun
 from filippov.models.studies import Study
 
 ERRORS = ("error_R", "error_times", "error_fixed_points", "drift")

@@ -17,7 +17,8 @@ from filippov.analysis.comparisons.independent import Orbits
 from filippov.analysis.diagrams.diagram import Diagram
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.gap_roots import fixed_point_near
-from filippov.app.report.context import Context
+from filippov.app.report.aside import Aside
+from filippov.app.report.context import Context, Progress
 from filippov.app.report.effort import Effort
 from filippov.app.report.part import first
 from filippov.base.arrays import Array
@@ -165,12 +166,12 @@ class CaseResults:
 
     def _sample(self, low: float, high: float) -> Samples:
         """Samples at even coordinates and, denser, next to 0, where a map may be steep."""
-        count, once = self.run.effort.samples, self.event_map
+        count = self.run.effort.samples
         d = np.linspace(low, high, count)
         if low == 0.0:
             d = np.unique(np.concatenate([d, np.geomspace(1e-8 * high, high, count)]))
-        by_order = np.asarray(once.power(self.run.study.order)(d), dtype=float)
-        return Samples(d, np.asarray(once(d), dtype=float), by_order)
+        once, power = (np.asarray(of(d), dtype=float) for of in (self.event_map, self.power))
+        return Samples(d, once, power)
 
     def _rests(self) -> Array:
         """The section's coordinate at each of its events along the response."""
@@ -285,3 +286,19 @@ def _runs(run: Context, case: CaseResults, rtol: float) -> tuple[Continuation, .
         known += [first(p) for p in found.at(own)]
         out.append(found)
     return tuple(out)
+
+
+class StudyRun(Context):
+    """The data of the sections: computed cases, the main one first, and the cycles of each."""
+
+    def __init__(
+        self, study: Study, effort: Effort, progress: Progress | None = None, aside: Aside | None = None
+    ) -> None:
+        super().__init__(study, effort, progress, aside)
+        self.cases: list[CaseResults] = []
+        self.cycles: list[CaseCycles] = []
+
+    @property
+    def main(self) -> CaseResults:
+        """The case that is shown in most detail."""
+        return self.cases[0]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from filippov.analysis.algebra.growth import Growth
+from filippov.app.report.case import StudyRun
 from filippov.app.report.part import NONE, Chapter, TextTable, Words, yes
-from filippov.app.report.run import StudyRun
 
 
 def classification(run: StudyRun) -> Chapter:

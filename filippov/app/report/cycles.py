@@ -11,9 +11,8 @@ import sympy
 from filippov.analysis import Orbit, curve, regions
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.steady.rest_map import growth, rest_map, threshold
-from filippov.app.report.case import CaseCycles, CaseResults
+from filippov.app.report.case import CaseCycles, CaseResults, StudyRun
 from filippov.app.report.part import NONE, Chapter, Picture, TextTable, answer, first, number
-from filippov.app.report.run import StudyRun
 from filippov.base.arrays import Array
 from filippov.plot import plot_branches, plot_regions
 from filippov.plot.place import label_beside

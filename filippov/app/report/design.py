@@ -14,10 +14,10 @@ from filippov.analysis.estimation.identification import Identified, identify
 from filippov.analysis.gains.tuning import Tuning, tune
 from filippov.analysis.harmonic.describing_function import DescribingFunction, describing_function
 from filippov.analysis.maps.fixed_points import FixedPoint
+from filippov.app.report.case import StudyRun
 from filippov.app.report.context import Context
 from filippov.app.report.effort import Effort
 from filippov.app.report.part import NONE, Chapter, Picture, TextTable, number, yes
-from filippov.app.report.run import StudyRun
 from filippov.models import registry
 from filippov.models.studies import Law, Study
 from filippov.plot import plot_describing_function, plot_identification

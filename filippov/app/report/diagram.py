@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from filippov.app.report.case import CaseResults, Samples
+from filippov.app.report.case import CaseResults, Samples, StudyRun
 from filippov.app.report.part import NONE, Chapter, Picture, TextTable, answer, number, yes
 from filippov.app.report.response import TITLE, beside, common_legend
-from filippov.app.report.run import StudyRun
 from filippov.plot.maps import plot_diagram, plot_event_map
 from filippov.plot.style import GREY, style
 

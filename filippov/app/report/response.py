@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from filippov.app.report.case import CaseResults
+from filippov.app.report.case import CaseResults, StudyRun
 from filippov.app.report.part import NONE, Chapter, Picture, TextTable, Words, number, yes
-from filippov.app.report.run import StudyRun
 from filippov.base.status import mode_text
 from filippov.graphs.graph import possible_graph
 from filippov.plot import plot_graph, plot_iterates, plot_phase, plot_solution

@@ -12,10 +12,10 @@ from filippov import Solution, SolveError, solve
 from filippov.analysis import Orbit, find_orbit
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
+from filippov.app.report.case import StudyRun
 from filippov.app.report.cycles import rows_of
 from filippov.app.report.effort import Effort
 from filippov.app.report.part import NONE, Chapter, Picture, TextTable, first, number
-from filippov.app.report.run import StudyRun
 from filippov.models.studies import Study
 from filippov.plot.branch import draw_line
 from filippov.plot.style import GREY, INK, SERIES, new_figure, style

@@ -11,13 +11,12 @@ from typing import Any
 
 from filippov.app.report import band, checks, cycles, design, diagram, response, smoother
 from filippov.app.report.aside import Aside
-from filippov.app.report.case import CaseResults, diagrams
+from filippov.app.report.case import CaseResults, StudyRun, diagrams
 from filippov.app.report.context import Progress
 from filippov.app.report.effort import Effort
 from filippov.app.report.files import rendered, write
 from filippov.app.report.page import document, environment, machine
 from filippov.app.report.part import Chapter, Picture, TextTable, Words
-from filippov.app.report.run import StudyRun
 from filippov.base.csv_text import csv_text
 from filippov.base.given import check_count
 from filippov.base.json_text import finite, json_text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -91,11 +92,9 @@ def _side(old: Old, text: str) -> tuple[str, dict[str, Quantity]]:
         used = (set(words(attempt)) - set(FUNCTIONS)) & set(known)
         where = {name: known[name] for name in sorted(used)}
         written = WORD.sub(lambda m: put.get(m[0], m[0]), attempt).strip()
-        try:
+        with suppress(ModelError):
             formula(written, {**names, **dict.fromkeys(where, 1)})
-        except ModelError:
-            continue
-        return written, where
+            return written, where
     raise NotUnderstoodError(f"{text[:60]!r} is no formula in known names")
 
 
@@ -141,9 +140,9 @@ def _of_value(old: Old, _: Groups) -> list[Reading]:
     raise NotUnderstoodError("no other expectation gives its expression")
 
 
-def kind_word(old: Old, text: str) -> Any:
+def kind_word(old: Old, text: str | None) -> Any:
     """The kind of event that a word means: impacts of a system without resets are crossings."""
-    word = _SAME.get(text, text)
+    word = _SAME.get(text or "", text)
     if word in ("switch", "switching", "event"):
         return None
     return "cross" if word == "reset" and not resets(old.runs) else word
@@ -269,16 +268,15 @@ RULES: Rules = (
       r"t_switches root_times"),
      _times),
     (r"events?_(?P<numbers>\d+(?:_\d+)*)(?:_times?)?", _numbered),
-    (r"(?:switch|event|t|t_event|t_switch|impact)_(?P<k>\d+)",
-     lambda o, g: o.either(*(OneEvent(acting=a, number=counting(g["k"])) for a in (False, True)))),
+    # stick_time and slip_time are lengths.
+    ((r"(?:switch|event|t|t_event|t_switch|impact)_(?P<k>\d+) "
+     r"(?P<kind>event|switch|switching|crossing|cross|entry|exit|release|leave|impact|reset|grazing)_time"
+     r"(?:_(?P<k>\d+))?"),
+     lambda o, g: o.either(*(OneEvent(kind_word(o, g["kind"]), acting=a, number=counting(g["k"]))
+                             for a in (False, True)))),
     ((rf"t_(?:(?P<place>first|second|third|fourth|fifth|last)_)?(?P<kind>{_KIND})(?:_(?P<k>\d+))?"
      rf"(?:_codim_?(?P<deep>\d))? (?P<place>first|second|third|last)_(?P<kind>{_KIND})_(?:time|t)"),
      _time),
     ((r"t_first(?:_[\d._-]+)? t_event t_switch first_event_t(?:ime)? first_switch(?:_t)? t_root root_time"),
      lambda o, _: o.one(OneEvent())),
-    # stick_time and slip_time are lengths.
-    ((r"(?P<kind>event|switch|switching|crossing|cross|entry|exit|release|leave|impact|reset|grazing)_time"
-     r"(?:_(?P<k>\d+))?"),
-     lambda o, g: o.either(*(OneEvent(kind_word(o, g["kind"]), acting=a, number=counting(g["k"]))
-                             for a in (False, True)))),
 )  # fmt: skip

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 from filippov.app.bank.notation import strict
@@ -30,12 +31,9 @@ def written_out(raw: Mapping[str, Any]) -> dict[str, Any]:
     states = [str(name) for name in raw.get("states") or ()]
     clauses = [clause.strip() for clause in text.split(";") if clause.strip()]
     for read in (_automaton, _flow):
-        try:
-            found = read(clauses, states)
-        except ModelError:
-            continue
-        if found is not None:
-            return {**{key: value for key, value in raw.items() if key != "hybrid"}, **found}
+        with suppress(ModelError):
+            if (found := read(clauses, states)) is not None:
+                return {**{key: value for key, value in raw.items() if key != "hybrid"}, **found}
     return dict(raw)
 
 

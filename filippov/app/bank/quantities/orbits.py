@@ -97,9 +97,7 @@ def _real(value: complex) -> float:
 
 def _eigenvalues(runs: CaseRuns, cycle: Cycle, half: bool) -> list[complex]:
     """Eigenvalues of the flow's derivative over a period, from the middle of its longest part in a mode."""
-    (low, high), tiny = cycle.span, 1e-9 * cycle.period
-    parts = [s for s in cycle.run.segments if s.t0 >= low - tiny and s.t1 <= high + tiny]
-    parts = [s for s in parts if not slides(s.mode)] or parts
+    parts = [s for s in cycle.segments if not slides(s.mode)] or cycle.segments
     if not parts:
         raise MissingError("the cycle has no part to start from")
     longest = max(parts, key=lambda s: s.dwell)

@@ -23,7 +23,7 @@ NEAR_AXIS = 1e-9
 def assigned(polynomial: Polynomial, at: dict[str, Number]) -> Polynomial:
     """The polynomial with numbers, as exact fractions, substituted for parameters. Raises ModelError."""
     check_known("parameter", at, [symbol.name for symbol in polynomial.symbols])
-    values = {name: sympy.Rational(str(formula(str(value), {}))) for name, value in at.items()}
+    values = {polynomial.names[k]: sympy.Rational(str(formula(value, {}))) for k, value in at.items()}
     return polynomial.at(values) if at else polynomial
 
 
@@ -138,7 +138,7 @@ class AxisFrequencies(PolynomialQuantity, quantity="axis_frequencies"):
         if subject.free:
             k, intervals = subject.stable_intervals()
             ends = sorted({end for pair in intervals for end in pair if end.is_finite})
-            given = [subject.at({k.name: sympy.Rational(str(end))}) for end in ends]
+            given = [subject.at({k: sympy.Rational(str(end))}) for end in ends]
         roots = [root for polynomial in given for root in polynomial.roots()]
         found = sorted({r.imag for r in roots if r.imag > 0 and abs(r.real) <= NEAR_AXIS * (1 + abs(r))})
         if not found:
@@ -168,7 +168,7 @@ class AxisPair(PolynomialQuantity, quantity="axis_pair"):
         value, worst = sympy.solve(gap, x)[0], 0.0
         for point in _grid([s for s in subject.symbols if s != x]):
             at = {**point, x: value.subs(point)}
-            polynomial, wanted = subject.at({s.name: v for s, v in at.items()}), float(frequency.subs(at))
+            polynomial, wanted = subject.at(at), float(frequency.subs(at))
             if polynomial.routh.counts is None or polynomial.routh.counts.axis < 2:
                 raise MissingError(f"no roots are on the axis at {at}")
             near = min(abs(root - 1j * wanted) for root in polynomial.roots())

@@ -11,28 +11,14 @@ from scipy.optimize import linprog
 from filippov.app.bank.case_runs import CaseRuns, slides
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.quantities.quantity import Quantity, When, moment, one_of
-from filippov.app.bank.quantities.states import Rule
+from filippov.app.bank.quantities.states import Rule, mode_at, under
 from filippov.base.arrays import Array
 from filippov.solving.solution import Solution
 from filippov.solving.state.machine import Machine
 
 
-def under(runs: CaseRuns, rule: Rule | None, when: When) -> tuple[Solution, float]:
-    """The run under a rule of sliding, and the value of the time. Raises MissingError."""
-    if when is None and not runs.main.status.ok and rule is None:
-        return runs.main, runs.main.t_end
-    t = moment(runs, when)
-    if rule is None:
-        return runs.covering(t), t
-    run = runs.solve(sliding=rule)
-    if not run.status.ok:
-        raise MissingError(f"with sliding={rule!r} the run ends with {run.status.value} ({run.message})")
-    return run, t
-
-
 def _sliding(run: Solution, t: float) -> list[int]:
-    mode = run.end_mode if t == run.t_end else run.mode_at(t, "+")
-    on = [i for i, sign in enumerate(mode) if sign == 0]
+    on = [i for i, sign in enumerate(mode_at(run, t)) if sign == 0]
     if not on:
         raise MissingError(f"the solution does not slide at t = {t:.9g}")
     return on

@@ -41,12 +41,21 @@ class State(Quantity, quantity="state"):
         return subject.part(x, self.component)
 
 
-def mode_at(runs: CaseRuns, when: When) -> Mode:
-    """The mode just after a time, or at the end of a run."""
+def under(runs: CaseRuns, rule: Rule | None, when: When) -> tuple[Solution, float]:
+    """The run under a rule of sliding, and the value of the time. Raises MissingError."""
+    if when is None and not runs.main.status.ok and rule is None:
+        return runs.main, runs.main.t_end
     t = moment(runs, when)
-    if when is None and not runs.main.status.ok:
-        return runs.main.end_mode
-    run = runs.covering(t)
+    if rule is None:
+        return runs.covering(t), t
+    run = runs.solve(sliding=rule)
+    if not run.status.ok:
+        raise MissingError(f"with sliding={rule!r} the run ends with {run.status.value} ({run.message})")
+    return run, t
+
+
+def mode_at(run: Solution, t: float) -> Mode:
+    """The mode just after a time, or at the end of a run."""
     return run.end_mode if t == run.t_end else run.mode_at(t, "+")
 
 
@@ -56,7 +65,7 @@ class ModeAt(Quantity, quantity="mode"):
     t: When = None
 
     def __call__(self, subject: CaseRuns) -> Any:
-        return mode_text(mode_at(subject, self.t))[: len(subject.built.declared)]
+        return mode_text(mode_at(*under(subject, None, self.t)))[: len(subject.built.declared)]
 
 
 class Segments(Quantity, quantity="segments"):
@@ -77,7 +86,7 @@ class SlidingOn(Quantity, quantity="sliding_on"):
     t: When = None
 
     def __call__(self, subject: CaseRuns) -> Any:
-        mode = mode_at(subject, self.t)
+        mode = mode_at(*under(subject, None, self.t))
         return [i for i in range(len(subject.built.declared)) if mode[i] == 0]
 
 
@@ -184,9 +193,7 @@ class Phases(Quantity, quantity="phases"):
     def __call__(self, subject: CaseRuns) -> Any:
         segments: tuple[Segment, ...] = subject.main.segments
         if self.over == "period":
-            (low, high), tiny = subject.cycle.span, 1e-9 * subject.cycle.period
-            every = subject.cycle.run.segments
-            segments = tuple(s for s in every if s.t0 >= low - tiny and s.t1 <= high + tiny)
+            segments = subject.cycle.segments
         elif self.whole:
             segments = segments[1:-1] or segments
         found = [(low, high) for kind, low, high in phases(segments) if kind == self.slides]

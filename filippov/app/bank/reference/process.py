@@ -40,13 +40,8 @@ class SolverProcess:
     def run(self, case: Case, limits: Limits, tolerance: float) -> SolverRow:
         """The row of a case; "hang" where the time is over, "error" where the process died."""
         try:
-            self._start()
-            assert self._process is not None
-            assert self._process.stdin is not None
-            given = {"limits": asdict(limits), "tolerance": tolerance}
-            asked = {"case": {**case.raw, "id": case.id}, **given}
-            self._process.stdin.write(json.dumps(asked) + "\n")
-            self._process.stdin.flush()
+            given = {"case": {**case.raw, "id": case.id}, "limits": asdict(limits), "tolerance": tolerance}
+            print(json.dumps(given), file=self._started().stdin, flush=True)
             answer = self._lines.get(timeout=limits.seconds + GRACE)
         except queue.Empty:
             self.close()
@@ -58,10 +53,10 @@ class SolverProcess:
             return SolverRow(case.id, self.name, "error", False, None, f"its process died (exit code {code})")
         return SolverRow(**json.loads(answer))
 
-    def _start(self) -> None:
+    def _started(self) -> subprocess.Popen[str]:
         """The process, ready for a case. Raises queue.Empty when it does not get ready."""
         if self._process is not None and self._process.poll() is None:
-            return
+            return self._process
         self.close()
         self._process = subprocess.Popen(  # noqa: S603 (this interpreter, a name of SOLVERS)
             [sys.executable, "-P", "-m", "filippov.app.bank.reference.process", self.name],
@@ -71,6 +66,7 @@ class SolverProcess:
         self._lines = queue.SimpleQueue()
         threading.Thread(target=_pump, args=(self._process, self._lines), daemon=True).start()
         self._lines.get(timeout=STARTING)
+        return self._process
 
     def close(self) -> int | None:
         """End the process; its exit code."""
