@@ -182,7 +182,7 @@ def test_14_2_operations_of_one_kind_side_by_side(
     np.testing.assert_allclose(run.x_end.reshape(2, count).T, known, rtol=0, atol=2e-11)
 
 
-# Each with a peak in a step, nothing at first, not to its series either: off all surfaces, on one, on a table.
+# Each with a peak in a step, nothing at first, nor to its series: off all surfaces, on one, on a table.
 PEAK = 1 - tanh(((t - 2) / 0.05) ** 2)
 LOOKED_AT = {
     "crossings": (BOUNCE, (1, 0), 8),
