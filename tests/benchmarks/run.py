@@ -72,9 +72,14 @@ def event_map(rounds: int) -> None:
     starts = ours.bound.start(d, ours.p)
     single = partial(
         solve_many, ours.system, starts, (0.0, ours.section.t_max), parameters=ours.parameters,
-        stop=ours.section.stop, rtol=1e-10, atol=1e-12, lanes=1,
+        stop=ours.section.stop, rtol=1e-10, atol=1e-12,
     )  # fmt: skip
-    runs: dict[str, Callable[[], object]] = {"ours": lambda: ours(d), "single": single}
+    ways = {
+        "one by one": partial(single, lanes=1),
+        "by Taylor's method": partial(single, method="Taylor", lanes=16),
+        "by Taylor's method one by one": partial(single, method="Taylor", lanes=1),
+    }  # fmt: skip
+    runs: dict[str, Callable[[], object]] = {"ours": lambda: ours(d), **ways}
     caps, batch = heyoka_cap(d, truth, peers.HeyokaMap), heyoka_cap(d, truth, peers.HeyokaBatch)
     if caps is not None and batch is not None:
         runs |= {"heyoka": lambda: caps(d), "batch": lambda: batch(d)}
@@ -92,8 +97,9 @@ def event_map(rounds: int) -> None:
         f"event map, 500 points, rtol 1e-10: filippov {min(own) * 1e3:.2f} ms "
         f"(median {statistics.median(own) * 1e3:.2f}), error {np.max(np.abs(ours(d) - truth)):.1e}"
     )
-    worst = float(np.max(np.abs(single().x[:, ours.bound.index] - truth)))
-    row("  the same one by one", own, times["single"], worst)
+    for name, way in ways.items():
+        worst = float(np.max(np.abs(way().x[:, ours.bound.index] - truth)))
+        row(f"  the same {name}", own, times[name], worst)
     worst = float(np.max(np.abs(peers.scipy_map(d, 1e-10) - truth)))
     row("  scipy solve_ivp(DOP853), timed on 50 points x 10", own, times["scipy"], worst)
     titles = {"heyoka": "heyoka, scalar, step capped", "batch": "heyoka, batch of 8, step capped"}

@@ -14,7 +14,7 @@ from filippov.kernel.loop.control import (
 )
 from filippov.kernel.loop.field import clear_ranges, field, project
 from filippov.kernel.loop.land import project_on
-from filippov.kernel.loop.model import AFFINE, END_IN_ERROR, IMPLICIT, STAGES, WIDTH, M, N, stages
+from filippov.kernel.loop.model import AFFINE, END_IN_ERROR, IMPLICIT, STAGES, WIDTH, M, N, stages, unsolved
 from filippov.kernel.loop.state import Trajectory
 from filippov.kernel.tables.codes import (
     AGAIN,
@@ -132,6 +132,8 @@ def try_step(run: Trajectory) -> int:
             failed = project(te, y, p, m, w.h, w, iw, ctx)
         if failed == 0 and (iw.sliding > 0 or not END_IN_ERROR):
             failed = field(te, y, p, m, last_k, w, iw, ctx)
+        if IMPLICIT and failed == 0 and unsolved(te, y, p, m, step, last_k, w, iw, ctx):
+            failed = NOT_CONVERGED
         if failed == 0:
             failed = guard_state(te, y, p, m, last_k, w.end, w, ctx)
     now.taken, now.error = 0.0, error

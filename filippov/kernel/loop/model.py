@@ -156,6 +156,15 @@ def sliding_stages(
 
 
 @kernel
+def unsolved(
+    t: float, y: Vector, p: Vector, m: Vector, step: float, last_k: Vector, w: Scratch, iw: Integers,
+    ctx: Indices,
+) -> bool:  # fmt: skip
+    """Whether the stages of an implicit method are not solved at the end of its step."""
+    return False
+
+
+@kernel
 def extra_stages(
     t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:

@@ -13,7 +13,7 @@ The iteration goes on to 3e-14 of the state, also where rtol is looser than 1e-9
 depends on it. Where rounding ends it earlier, the accuracy of the tolerance is enough.
 """
 
-from filippov.kernel.language.primitives import NAN, Indices, Vector, kernel, shift, sqrt
+from filippov.kernel.language.primitives import INF, NAN, Indices, Vector, kernel, shift, sqrt
 from filippov.kernel.loop.field import clear_ranges, field
 from filippov.kernel.loop.model import (
     M,
@@ -28,6 +28,7 @@ from filippov.kernel.tables.radau_tables import (
     ERROR_Z,
     FAST,
     FROM_Z,
+    GONE,
     MOST_ITERATIONS,
     NOT_CONVERGED,
     PAIR,
@@ -174,13 +175,19 @@ def guess(t: float, x: Vector, step: float, w: Scratch) -> None:
 
 @kernel
 def newton(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
-) -> int:
-    """Solve for Z from the guess in it: 0, a code of `field`, NOT_CONVERGED or UNDEFINED; stores its rate."""
+    t: float, x: Vector, p: Vector, m: Vector, step: float, fresh: bool, w: Scratch, iw: Integers,
+    ctx: Indices,
+) -> int:  # fmt: skip
+    """Solve for Z from the guess in it: 0, a code of `field`, NOT_CONVERGED or UNDEFINED; stores its rate.
+
+    Corrections by a Jacobian too steep for where the solution goes are small, and shrink no more: what is
+    left is their geometric series. fresh: the Jacobian is that of the start of the step.
+    """
     z, v, f, at = w.z, w.zw, w.diff, w.stage
     r1, r2, r3 = f, shift(f, N), shift(f, 2 * N)
     rtol = min(w.rtol, 1e-3)
-    enough = max(10.0 * SPACING / rtol, min(0.03, sqrt(rtol)))
+    rounding = 10.0 * SPACING / rtol
+    enough = max(rounding, min(0.03, sqrt(rtol)))
     tight = enough * min(1.0, 1e-9 / rtol)
     for q in range(3):
         for i in range(N):
@@ -221,13 +228,12 @@ def newton(
             rate = norm / last
             if iteration == 1 or rate < 1.0:
                 w.memory.rate = rate
-            # Rounding: the corrections shrink no further, and are small enough.
-            if rate >= 0.5 and norm <= enough:
+            if rate >= 0.5 and norm <= rounding and fresh:
                 return 0
             if rate >= 1.0:
                 return NOT_CONVERGED
             left = norm * rate / (1.0 - rate)
-            if left <= tight:
+            if left <= tight or (rate >= 0.5 and left <= enough):
                 return 0
             ahead = float(MOST_ITERATIONS - 1 - iteration)
             if left * rate**ahead > enough:
@@ -323,7 +329,7 @@ def stages(
         if memory.factored != step and not factor_both(step, w, iw):
             return NOT_CONVERGED
         guess(t, x, step, w)
-        code = newton(t, x, p, m, step, w, iw, ctx)
+        code = newton(t, x, p, m, step, here, w, iw, ctx)
         if code < NOT_CONVERGED or here:
             break
         iw.known = 0
@@ -344,6 +350,39 @@ def stages(
         y[i] = x[i] + z[2 * N + i]
         w.reached[i] = y[i]
     return estimate(t, x, p, m, step, w, iw, ctx)
+
+
+@kernel
+def unsolved(
+    t: float, y: Vector, p: Vector, m: Vector, step: float, last_k: Vector, w: Scratch, iw: Integers,
+    ctx: Indices,
+) -> bool:  # fmt: skip
+    """Whether the field at the end y of a step, last_k, is not that of its stages, by a stale Jacobian.
+
+    Of a steep field the difference is that of a small error of y; it goes with a move of y as small. Where
+    the field is no longer steep, corrections by the Jacobian of the start were small and led nowhere.
+    """
+    move, at, f = w.diff, w.stage, shift(w.diff, N)
+    worst, most = -1, 1.0
+    for i in range(N):
+        move[i] = last_k[i] - w.k[3 * N + i]
+        size = abs(step * move[i]) / w.scale[i]
+        if size > most:
+            worst, most = i, size
+    if worst < 0 or not (most < INF):
+        return False
+    gap, largest = move[worst], 0.0
+    substitute(w.lu, iw.pivots, move, N)
+    for i in range(N):
+        largest = max(largest, abs(move[i]) / w.scale[i])
+    if not (0.0 < largest < INF):
+        return False
+    for i in range(N):
+        at[i] = y[i] + move[i] / largest
+    if evaluate(t, at, p, m, f, w, iw, ctx) != 0:
+        return False
+    expected = (REAL / step * move[worst] - gap) / largest
+    return float(abs(f[worst] - last_k[worst])) < GONE * float(abs(expected))
 
 
 @kernel
