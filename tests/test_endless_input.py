@@ -209,13 +209,13 @@ def test_11_22_hostile_cases_end_in_a_row(seed: int) -> None:
 
 
 def test_11_22_the_time_covers_evaluation_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    from filippov.app.bank import run as runner
+    from filippov.app.bank.subjects import Subjects
 
-    def endless(ask: Any) -> Any:
+    def endless(subjects: Subjects, entry: Any) -> Any:
         while True:
             pass
 
-    monkeypatch.setattr(runner, "evaluate", endless)
+    monkeypatch.setattr(Subjects, "outcome", endless)
     (row,) = run_bank([case("-x")], max_time=2.0)
     assert row.status == "timeout"
     assert "more than 2 s" in row.message
