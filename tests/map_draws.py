@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
@@ -266,7 +267,7 @@ def peaks(seed: int) -> str:
     hills = [(rng.uniform(0.15, 0.9), rng.uniform(0.04, 0.15), rng.uniform(0.1, 0.4), *rng.normal(size=3) / 4)
              for _ in range(int(rng.integers(1, 4)))]  # fmt: skip
 
-    def rho(d, a, b, e):  # type: ignore[no-untyped-def]
+    def rho(d: Any, a: Any, b: Any, e: Callable[[Any], Any]) -> Any:
         every = [h * (1 + f * a + g * b) * e(-(((d - m - s * a / 3) / w) ** 2)) for m, w, h, f, g, s in hills]
         return base + slopes[0] * a + slopes[1] * b + (a**2 + b**2) / 10 + sum(every)
 

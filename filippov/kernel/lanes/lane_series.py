@@ -5,11 +5,11 @@ come to: the inside of a step is looked at only where a series says nothing of w
 """
 
 from filippov.kernel.language.primitives import (
-    INF,
     Indices,
     Vector,
     anywhere,
     from_bits,
+    inline,
     lanes,
     shift,
     to_bits,
@@ -22,7 +22,6 @@ from filippov.kernel.loop.model import (
     JETS,
     LAST,
     ORDER,
-    PER_POWER,
     STAGES,
     TAILS,
     WIDTH,
@@ -30,8 +29,17 @@ from filippov.kernel.loop.model import (
     N,
     series_end,
 )
-from filippov.kernel.loop.series import CONVERGES, GROWTH, INVISIBLE, SERIES_MISS, exponent, exponent_at
+from filippov.kernel.loop.series import (
+    CONVERGES,
+    GROWTH,
+    INVISIBLE,
+    SERIES_MISS,
+    exponent,
+    exponent_at,
+    terms_growth,
+)
 from filippov.kernel.loop.state import Integers, Scratch
+from filippov.kernel.methods.inside import note_miss, place_at, rate_at
 from filippov.kernel.tables.layout import LOOKS, MOST_LOOKS
 
 # Beside CONVERGES: the root by which a step is cut is known to some percent.
@@ -40,6 +48,7 @@ CUT = 0.8
 HALVINGS = 2100
 
 
+@inline
 @lanes
 def root_of_inverse(value: float, order: int) -> float:
     """value**(-1/order) to some percent; see `series.root_of_inverse`."""
@@ -49,14 +58,7 @@ def root_of_inverse(value: float, order: int) -> float:
 @lanes
 def last_growth(row: int, length: float, w: Scratch) -> float:
     """The last terms of a series relative to as many before; see `series.last_growth`."""
-    early, late, power = 0.0, 0.0, 1.0
-    for q in range(row * 2 * LAST, (row * 2 + 1) * LAST):
-        early = max(early, abs(w.jet_room[q]) * power)
-        power *= length
-    for q in range((row * 2 + 1) * LAST, (row * 2 + 2) * LAST):
-        late = max(late, abs(w.jet_room[q]) * power)
-        power *= length
-    growth = late / early if early > 0.0 else 1e300
+    growth = terms_growth(row, length, w)
     if row < DECAYING and anywhere(w.jet_room[exponent_at(row)] < INVISIBLE):
         growth = 0.0 if exponent(row, length, w) < INVISIBLE else growth
     return growth
@@ -106,16 +108,10 @@ def look_inside(
     for q in range(MOST_LOOKS):
         theta = LOOKS[q]
         for j in range(N):
-            place = 0.0
-            for a in range(STAGES - 2, -1, -1):
-                place = place * theta + w.k[a * N + j] * PER_POWER[a]
-            w.stage[j] = x[j] + theta * step * place
+            w.stage[j] = place_at(j, theta, x, step, w)
         field(t + theta * step, w.stage, p, m, w.f, w, iw, ctx)
         for j in range(N):
-            rate = 0.0
-            for a in range(STAGES - 2, -1, -1):
-                rate = rate * theta + w.k[a * N + j]
-            w.miss[j] = max(w.miss[j], min(INF, abs(w.f[j] - rate)))
+            note_miss(j, w.f[j], rate_at(j, theta, w), w)
 
 
 @lanes

@@ -6,22 +6,24 @@ to the caller, and the lane is left as it was.
 """
 
 from filippov.kernel.lanes.lane_field import uncoupled
-from filippov.kernel.lanes.lane_series import series_error, series_length, series_may_vanish, series_stages
+from filippov.kernel.lanes.lane_series import (
+    root_of_inverse,
+    series_error,
+    series_length,
+    series_may_vanish,
+    series_stages,
+)
 from filippov.kernel.language.primitives import (
     Indices,
     Vector,
     anywhere,
-    from_bits,
     lanes,
     mask_bits,
     shift,
-    to_bits,
-    truncate,
 )
 from filippov.kernel.language.records import side_by_side
 from filippov.kernel.loop.control import (
     MANY_STAGES,
-    ONE_BITS,
     error_norm,
     finite,
     guard_state,
@@ -59,8 +61,7 @@ THIRD = 0.3333333333333333
 @lanes
 def step_factor(square: float) -> float:
     """0.9 error**(-1/order) from the square of the error; see `control.step_factor`."""
-    bits = ONE_BITS - truncate(float(to_bits(square) - ONE_BITS) * (0.5 / float(ORDER)))
-    return 0.9 * from_bits(bits)
+    return 0.9 * root_of_inverse(square, 2 * ORDER)
 
 
 @lanes

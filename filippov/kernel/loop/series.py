@@ -108,6 +108,20 @@ def exponent(row: int, length: float, w: Scratch) -> float:
 CONVERGES, REACHES = 0.1, 0.8
 
 
+@inline
+@kernel
+def terms_growth(row: int, length: float, w: Scratch) -> float:
+    """The last terms of a series relative to as many before, 1e300 where these are 0; of every lane too."""
+    early, late, power = 0.0, 0.0, 1.0
+    for q in range(row * 2 * LAST, (row * 2 + 1) * LAST):
+        early = max(early, abs(w.jet_room[q]) * power)
+        power *= length
+    for q in range((row * 2 + 1) * LAST, (row * 2 + 2) * LAST):
+        late = max(late, abs(w.jet_room[q]) * power)
+        power *= length
+    return late / early if early > 0.0 else 1e300
+
+
 @kernel
 def last_growth(row: int, length: float, w: Scratch) -> float:
     """The last terms of the series of a part of the field, relative to as many before; 1e300: not known.
@@ -118,14 +132,7 @@ def last_growth(row: int, length: float, w: Scratch) -> float:
     """
     if row < DECAYING and w.jet_room[exponent_at(row)] < INVISIBLE and exponent(row, length, w) < INVISIBLE:
         return 0.0
-    early, late, power = 0.0, 0.0, 1.0
-    for q in range(row * 2 * LAST, (row * 2 + 1) * LAST):
-        early = max(early, abs(w.jet_room[q]) * power)
-        power *= length
-    for q in range((row * 2 + 1) * LAST, (row * 2 + 2) * LAST):
-        late = max(late, abs(w.jet_room[q]) * power)
-        power *= length
-    return late / early if early > 0.0 else 1e300
+    return terms_growth(row, length, w)
 
 
 @kernel

@@ -31,7 +31,7 @@ from filippov.kernel.loop.model import (
 from filippov.kernel.loop.roots.points import X, prepare_points, sliding_beside
 from filippov.kernel.loop.rules import UTKIN
 from filippov.kernel.loop.state import Integers, Scratch
-from filippov.kernel.tables.layout import LANES, LOOKS
+from filippov.kernel.tables.layout import LANES, LOOKS, MOST_LOOKS
 
 
 @contract
@@ -68,6 +68,26 @@ def note_miss(j: int, found: float, rate: float, w: Scratch) -> None:
     """Note the largest error; one that is not finite counts as infinite."""
     gap = abs(found - rate)
     w.miss[j] = max(w.miss[j], min(INF, gap))
+
+
+@inline
+@kernel
+def place_at(j: int, theta: float, x: Vector, step: float, w: Scratch) -> float:
+    """Component j of the polynomial at a part theta of the step; of every lane too."""
+    place = 0.0
+    for a in range(STAGES - 2, -1, -1):
+        place = place * theta + w.k[a * N + j] * PER_POWER[a]
+    return float(x[j] + theta * step * place)
+
+
+@inline
+@kernel
+def rate_at(j: int, theta: float, w: Scratch) -> float:
+    """Component j of its rate there."""
+    rate = 0.0
+    for a in range(STAGES - 2, -1, -1):
+        rate = rate * theta + w.k[a * N + j]
+    return rate
 
 
 @kernel
@@ -125,19 +145,13 @@ def look_inside(
     if VECTORS > 1:
         return look_in_turn(t, x, p, m, step, w, iw, ctx)
     at, f = w.stage, w.f
-    for q in range(LANES):
+    for q in range(MOST_LOOKS):
         theta = LOOKS[q]
         for j in range(N):
-            place = 0.0
-            for a in range(STAGES - 2, -1, -1):
-                place = place * theta + w.k[a * N + j] * PER_POWER[a]
-            at[j] = x[j] + theta * step * place
+            at[j] = place_at(j, theta, x, step, w)
         code = field(t + theta * step, at, p, m, f, w, iw, ctx)
         if code != 0:
             return code
         for j in range(N):
-            rate = 0.0
-            for a in range(STAGES - 2, -1, -1):
-                rate = rate * theta + w.k[a * N + j]
-            note_miss(j, f[j], rate, w)
+            note_miss(j, f[j], rate_at(j, theta, w), w)
     return 0
