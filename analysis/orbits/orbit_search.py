@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from math import dist
 from typing import Any
 
 import numpy as np
@@ -251,7 +252,7 @@ class _Search:
         for stage in _STAGES:
             while len(states) <= stage:
                 states.append(self.run(states[-1], t0 + len(gaps) * period, period)[0])
-                gaps.append(float(np.linalg.norm(states[-1] - states[-2])))
+                gaps.append(dist(states[-1], states[-2]))
             # An orbit that repels is where the solution came back best; one that attracts, at its end.
             order = [k for k in np.argsort(gaps) if k not in tried][: _TRIES if stage > 1 else 1]
             if self.collocation:

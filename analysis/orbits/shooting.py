@@ -247,11 +247,12 @@ def newton(
     Raises NoConvergenceError, and what a solution along the orbit raises.
     """
     solutions = problem.solutions(u, p)
-    columns, rows = _units(problem, u, solutions)
     left = problem.residual(u, solutions, p)
-    size = float(np.max(np.abs(left) / rows))
-    for _ in range(iterations):
-        if size <= tolerance * 1e-2:
+    for step_number in range(iterations + 1):
+        # Along the solutions of now: beside those from a guess far away any residual is small.
+        columns, rows = _units(problem, u, solutions)
+        size = float(np.max(np.abs(left) / rows))
+        if size <= tolerance * 1e-2 or step_number == iterations:
             break
         matrix = problem.matrix(u, solutions, p) * columns / rows[:, None]
         step = columns * linalg.lstsq(matrix, -left / rows, rcond=1e-13)[0]
@@ -267,7 +268,6 @@ def newton(
         else:
             break
         u, solutions, left = trial, tried, rest
-        size = float(np.max(np.abs(left) / rows))
     if not size <= max(tolerance, 1e3 * problem.rtol):
         over = float(np.max(np.abs(left)))
         raise NoConvergenceError(
