@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sympy import Expr, Symbol
 
 from filippov import Max, SolveError, System, cos, parameters, solve, states, t
 from filippov.analysis.orbits.orbit_search import find_orbit
@@ -18,15 +19,21 @@ def member(seed: int) -> tuple[Array, Array, Array, Array, float, Array]:
     return matrix, push, normal, forcing, rng.uniform(0.5, 2), rng.normal(size=n) * 10 ** rng.uniform(-1, 12)
 
 
+def linear(matrix: Array) -> dict[Symbol, Expr]:
+    """A x, by state."""
+    xs = states(" ".join(f"x{i}" for i in range(len(matrix))))
+    rows = (sum(float(a) * x for a, x in zip(row, xs, strict=True)) for row in matrix)
+    return dict(zip(xs, rows, strict=True))
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_a_linear_field_has_the_orbit_of_its_closed_form(seed: int) -> None:
     """x' = A x + e cos(w t), A with or without growing directions: x = Re (i w - A)^-1 e exp(i w t)."""
     matrix, _, _, forcing, w, guess = member(seed)
     n = len(matrix)
     matrix = matrix + (seed % 2) * 0.4 * np.eye(n)
-    xs = states(" ".join(f"x{i}" for i in range(n)))
-    field = {xs[i]: sum(float(matrix[i, j]) * xs[j] for j in range(n)) for i in range(n)}
-    system = System({x: field[x] + float(forcing[i]) * cos(w * t) for i, x in enumerate(xs)})
+    field = linear(matrix)
+    system = System({x: field[x] + float(e) * cos(w * t) for x, e in zip(field, forcing, strict=True)})
     orbit = find_orbit(system, tuple(guess.tolist()))
     response = np.linalg.solve(1j * w * np.eye(n) - matrix, forcing)
     exact = (response * np.exp(1j * w * orbit.t0)).real
@@ -38,13 +45,13 @@ def test_a_linear_field_has_the_orbit_of_its_closed_form(seed: int) -> None:
 def test_an_orbit_across_a_kink_comes_back_or_is_refused(seed: int) -> None:
     """x' = A x - b k Max(c x - g, 0) + e cos(w t), beyond whose kink solutions may grow without bound."""
     matrix, push, normal, forcing, w, guess = member(100 + seed)
-    n = len(matrix)
     p = parameters(k=2.0, w=w)
-    xs = states(" ".join(f"x{i}" for i in range(n)))
-    kink = p.k * Max(sum(float(c) * x for c, x in zip(normal, xs, strict=True)) - 0.3, 0)
-    field = {xs[i]: sum(float(matrix[i, j]) * xs[j] for j in range(n)) for i in range(n)}
-    rest = {x: float(e) * cos(p.w * t) - float(b) * kink for x, b, e in zip(xs, push, forcing, strict=True)}
-    system = System({x: field[x] + rest[x] for x in xs}, parameters=p)
+    field = linear(matrix)
+    kink = p.k * Max(sum(float(c) * x for c, x in zip(normal, field, strict=True)) - 0.3, 0)
+    parts = zip(field.items(), push, forcing, strict=True)
+    system = System(
+        {x: f - float(b) * kink + float(e) * cos(p.w * t) for (x, f), b, e in parts}, parameters=p
+    )
     try:
         orbit = find_orbit(system, tuple(guess.tolist()))
     except SolveError:
