@@ -9,7 +9,8 @@ import sympy
 
 from filippov import Surface, System, parameters, sign, solve, sqrt, states, t
 from filippov.base.status import Status
-from filippov.model.reduction import _reduction, reduction
+from filippov.model.reduction import _gone, _of_first_order, _reduction, _rows, reduction
+from filippov.model.symbolic import convex
 
 X, Y, Z, W = states("x y z w")
 P = parameters(k1=1.5, k2=1.1, push=0.0, offset=0.0, ramp=0.0)
@@ -188,3 +189,29 @@ def test_14_1_answers_are_given_again_only_for_what_they_were_made_with() -> Non
                 assert np.array_equal(here.projected(0.0, x, at), anew.projected(0.0, x, at))
                 assert np.max(np.abs(here.projected(0.0, x, at)[:2])) < 1e-15
     assert len(kinds) > 2
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_14_5_surfaces_of_first_order_are_told_from_their_own_states(seed: int) -> None:
+    """Against the derivatives of all: signs that act on their own rate, on another's, or on none."""
+    rng, kinds = np.random.default_rng(seed), set()
+    names = states(" ".join(f"x{k}" for k in range(6)))
+    for _ in range(6):
+        a = rng.integers(-1, 2, (6, 6)) * (rng.uniform(size=(6, 6)) < 0.4)
+        b = rng.integers(-1, 2, (6, 3)) * (rng.uniform(size=(6, 3)) < 0.3)
+        h = [names[k] + int(rng.integers(0, 2)) * names[k + 1] ** 2 for k in range(3)]
+        rows = [a[i] @ np.array(names) + b[i] @ np.array([sign(g) for g in h]) for i in range(6)]
+        rows[5] += 3 * sum(sign(g) for g in h)
+        surfaces = [Surface(f"h{k}", g) for k, g in enumerate(h)]
+        system = System(dict(zip(names, rows, strict=True)), surfaces=surfaces)
+        form = system.symbolic
+        at = dict.fromkeys((t, *form.x, *form.a, *form.s), 0.0)
+        for zero in ((0,), (1,), (0, 1), (0, 1, 2)):
+            signs, gone = tuple(form.s[i] for i in zero), _gone(form, zero, (), ())
+            field = [convex(f, set(signs)).xreplace(gone) for f in form.field]
+            found = _rows(system, form, zero, signs, field, gone, at)
+            first = not isinstance(found, str) and max(found[2].values()) == 1
+            first = first and all(any(e[k] != 0 for _, e in found[0].values()) for k in range(len(zero)))
+            kinds.add(first)
+            assert _of_first_order(form, zero, signs, gone, at) == first
+    assert kinds == {True, False}

@@ -21,7 +21,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.base.arrays import Array
-from filippov.model.symbolic import SymbolicForm, convex, rate_along
+from filippov.model.symbolic import SymbolicForm, convex, lie_derivative, rate_along
 from filippov.model.symbols import t
 from filippov.model.system import System
 
@@ -152,6 +152,8 @@ def _reduction(
     sides = tuple(1 if at[form.s[i]] >= 0.0 else -1 for i in kinks)
     gone = _gone(form, zero, kinks, sides)
     signs = tuple(form.s[i] for i in zero)
+    if not kinks and _of_first_order(form, zero, signs, gone, at):
+        return "their signs act on the rates themselves"
     field = [_on_surface(convex(f, set(signs)).xreplace(gone), at) for f in form.field]
     if any(f.has(sympy.nan, sympy.zoo, sympy.oo) for f in field):
         return "the field has no value on the surfaces"
@@ -192,6 +194,28 @@ def _reduction(
     return Reduction(reduced, zero, kinks, sides, order, held, ties, constraints, _distances(form, signs))
 
 
+def _of_first_order(
+    form: SymbolicForm, zero: tuple[int, ...], signs: tuple[Symbol, ...], gone: Mapping[Symbol, Expr],
+    at: Mapping[Symbol, float],
+) -> bool:  # fmt: skip
+    """Whether each sign acts on the rate of a surface, and each rate feels one: all slide to first order.
+
+    Told from the states in these surfaces alone, of which a large system has many others.
+    """
+    guards = [sympy.expand(form.h[i].xreplace(dict(gone))) for i in zero]
+    moved = [k for k, q in enumerate(form.x) if any(q in phi.free_symbols for phi in guards)]
+    states = tuple(form.x[k] for k in moved)
+    field = tuple(_on_surface(convex(form.field[k], set(signs)).xreplace(dict(gone)), at) for k in moved)
+    if any(f.has(sympy.nan, sympy.zoo, sympy.oo) for f in field):
+        return False
+    slopes = [tuple(f.diff(s) for f in field) for s in signs]
+    rows = [[sympy.expand(lie_derivative(phi, slope, states)) for slope in slopes] for phi in guards]
+    if any(e.free_symbols & set(signs) for row in rows for e in row):
+        return False
+    felt = all(any(not _vanishes(e, guards, form.x) for e in row) for row in rows)
+    return felt and all(any(row[k] != 0 for row in rows) for k in range(len(signs)))
+
+
 def _gone(
     form: SymbolicForm, zero: Sequence[int], kinks: Sequence[int], sides: Sequence[int]
 ) -> dict[Symbol, Expr]:
@@ -202,11 +226,13 @@ def _gone(
 
 def _distances(form: SymbolicForm, signs: Sequence[Symbol]) -> tuple[int, ...]:
     """For every state the least number of states between the signs and it; FARTHEST where they do not act."""
-    distance = [0 if f.free_symbols & set(signs) else FARTHEST for f in form.field]
+    place = {q: k for k, q in enumerate(form.x)}
+    read = [f.free_symbols for f in form.field]
+    distance = [0 if symbols & set(signs) else FARTHEST for symbols in read]
+    through = [[place[q] for q in symbols & place.keys()] for symbols in read]
     for _ in range(FARTHEST):
-        for j, f in enumerate(form.field):
-            through = [distance[k] + 1 for k, x in enumerate(form.x) if x in f.free_symbols]
-            distance[j] = min([distance[j], *through])
+        for j, by in enumerate(through):
+            distance[j] = min([distance[j], *(distance[k] + 1 for k in by)])
     return tuple(distance)
 
 
@@ -275,7 +301,7 @@ def _vanishes(effect: Expr, constraints: Sequence[Expr], x: Sequence[Symbol]) ->
     if effect == 0:
         return True
     for c in constraints:
-        for q in x:
+        for q in (q for q in x if q in c.free_symbols):
             slope = c.diff(q)
             if slope.is_number and slope != 0:
                 effect = effect.xreplace({q: q - c / slope})

@@ -8,8 +8,8 @@ from filippov.kernel.language.unit import Constant
 from filippov.kernel.tables.root_tables import DEGREE, by_degree, to_bernstein
 from filippov.kernel.tables.tableaus import DOP853, Collocation, Method, Row, Series, Tableau, weighted
 
-_IMPLICIT = ("dense_lu", "radau")
-# A file that imports another one comes later, so that its own functions take precedence.
+_IMPLICIT = ("radau", "jacobian", "band_lu", "dense_lu")
+# What a file imports comes after it: the functions made for the system take the place of those imported.
 _SERIES = ("taylor", "inside")
 _SIGNATURE = "t: float, x: Vector, p: Vector, m: Vector"
 _SCRATCH = "w: Scratch, iw: Integers, ctx: Indices"

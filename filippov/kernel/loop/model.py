@@ -66,6 +66,9 @@ BY_COMPONENT: list[int] = [0]
 COLOUR: list[int] = [0]
 OWNER: list[int] = [0]
 COLOURS, LARGEST = 1, 1
+# Half the width of the band of Newton's matrices, 0 where they are dense; the states in its order.
+BAND = 0
+IN_BAND: list[int] = [0]
 SIDE = Sizes().side
 
 

@@ -24,6 +24,7 @@ class Sizes:
     powers   of the dense output
     jet_room scratch of the recurrences of Taylor's method
     roots    whether guards contain roots of |h|
+    band     half the width of the band of an implicit method's matrices, 0 where they are dense
     points   parameters of a field that is sampled in lanes (see `points`), None where it is not
     """
 
@@ -41,6 +42,7 @@ class Sizes:
     series: bool = False
     jet_room: int = 0
     roots: bool = False
+    band: int = 0
 
     @property
     def side(self) -> int:
@@ -61,6 +63,11 @@ class Sizes:
     def kept(self) -> int:
         """States of which an implicit method keeps something from step to step."""
         return self.n if self.implicit else 0
+
+    @property
+    def row(self) -> int:
+        """Numbers in a row of an implicit method's matrices."""
+        return 3 * self.band + 1 if self.band else self.n
 
     @property
     def nodes(self) -> int:
@@ -269,12 +276,14 @@ class Scratch(Struct):
     atol: Vector = part(lambda of: of.kept)
     rtol: float
     scale: Vector = part(lambda of: of.kept)
-    jac: Vector = part(lambda of: of.kept * of.n)
+    jac: Vector = part(lambda of: of.kept * of.row)
     jac_x: Vector = part(lambda of: of.kept)
     jac_mode: Vector = part(lambda of: of.m if of.implicit else 0)
-    lu: Vector = part(lambda of: of.kept * of.n)
-    real: Vector = part(lambda of: of.kept * of.n)
-    imag: Vector = part(lambda of: of.kept * of.n)
+    lu: Vector = part(lambda of: of.kept * of.row)
+    real: Vector = part(lambda of: of.kept * of.row)
+    imag: Vector = part(lambda of: of.kept * of.row)
+    # Right-hand sides in the order of the band, or the steps of differences.
+    in_band: Vector = part(lambda of: 2 * of.kept if of.band else 0)
     z: Vector = part(lambda of: 3 * of.kept)
     zw: Vector = part(lambda of: 3 * of.kept)
     past: Vector = part(lambda of: 3 * of.kept)

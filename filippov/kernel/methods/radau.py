@@ -14,14 +14,15 @@ depends on it. Where rounding ends it earlier, the accuracy of the tolerance is 
 """
 
 from filippov.kernel.language.primitives import INF, NAN, Indices, Vector, kernel, shift, sqrt
-from filippov.kernel.loop.field import clear_ranges, field
-from filippov.kernel.loop.model import (
-    M,
-    N,
-    rhs,
-)
+from filippov.kernel.loop.model import M, N
 from filippov.kernel.loop.state import Integers, Scratch
-from filippov.kernel.methods.dense_lu import factor, factor_complex, substitute, substitute_complex
+from filippov.kernel.methods.jacobian import (
+    evaluate,
+    factor_both,
+    renew_jacobian,
+    substitute_pair,
+    substitute_real,
+)
 from filippov.kernel.tables.radau_tables import (
     A_INVERSE,
     BETWEEN,
@@ -33,7 +34,6 @@ from filippov.kernel.tables.radau_tables import (
     NOT_CONVERGED,
     PAIR,
     REAL,
-    ROOT_SPACING,
     SLOPE_Z,
     SPACING,
     SPIN,
@@ -43,97 +43,6 @@ from filippov.kernel.tables.radau_tables import (
     VALUE_Z,
     C,
 )
-
-
-@kernel
-def evaluate(
-    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
-) -> int:
-    """The field of the mode, counted."""
-    if iw.sliding == 0:
-        iw.calls += 1
-        return rhs(t, x, p, m, m, out, ctx)
-    return field(t, x, p, m, out, w, iw, ctx)
-
-
-@kernel
-def difference(
-    t: float, x: Vector, p: Vector, m: Vector, j: int, delta: float, w: Scratch, iw: Integers, ctx: Indices
-) -> tuple[int, float]:
-    """Column j of J from a step delta: (code, largest change on the scale of the field, NaN if undefined)."""
-    f0, f1, at = w.k, w.diff, w.stage
-    at[j] = x[j] + delta
-    width = at[j] - x[j]
-    code = evaluate(t, at, p, m, f1, w, iw, ctx)
-    at[j] = x[j]
-    if code != 0:
-        return code, NAN
-    change, size, sound = 0.0, 0.0, 0.0
-    for i in range(N):
-        change = max(change, abs(f1[i] - f0[i]))
-        size = max(size, abs(f1[i]), abs(f0[i]))
-        sound += 0.0 * f1[i]
-        w.jac[i * N + j] = (f1[i] - f0[i]) / width
-    return 0, change / (size + 1e-300) + sound
-
-
-@kernel
-def renew_jacobian(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
-) -> int:
-    """J at (t, x) by forward differences of 1.5e-8 of a state, its change or tolerance; larger where lost.
-
-    A difference below 1e-12 of the field is repeated with a thousand times its step. Where the field is not
-    defined ahead, the difference is taken backwards; where it is not defined there either, the column is 0.
-    """
-    at = w.stage
-    for j in range(N):
-        at[j] = x[j]
-    for j in range(N):
-        speed = step * w.k[j]
-        delta = ROOT_SPACING * max(abs(x[j]), abs(speed), w.scale[j], 1e-290)
-        if speed < 0.0:
-            delta = -delta
-        for trial in range(4):
-            code, change = difference(t, x, p, m, j, delta, w, iw, ctx)
-            if code == 1:
-                return code
-            if code == 0 and change >= 1e-12:
-                break
-            if code != 0 or not (change >= 0.0):
-                delta = -delta
-                if trial > 0:
-                    for i in range(N):
-                        w.jac[i * N + j] = 0.0
-                    break
-            else:
-                delta *= 1e3
-    for j in range(N):
-        w.jac_x[j] = x[j]
-    for i in range(M):
-        w.jac_mode[i] = m[i]
-    iw.jacobians += 1
-    iw.known = 1
-    w.memory.factored = 0.0
-    clear_ranges(w, iw)
-    return 0
-
-
-@kernel
-def factor_both(step: float, w: Scratch, iw: Integers) -> bool:
-    """LU factors of the real and of the complex matrix at this step."""
-    lu, re, im = w.lu, w.real, w.imag
-    for q in range(N * N):
-        lu[q], re[q], im[q] = -w.jac[q], -w.jac[q], 0.0
-    for i in range(N):
-        lu[i * N + i] += REAL / step
-        re[i * N + i] += PAIR / step
-        im[i * N + i] = -SPIN / step
-    iw.factors += 2
-    w.memory.factored = step
-    if not factor(lu, iw.pivots, N):
-        return False
-    return factor_complex(re, im, iw.twins, N)
 
 
 @kernel
@@ -207,8 +116,8 @@ def newton(
             r2[i] -= (PAIR * v[N + i] + SPIN * v[2 * N + i]) / step
             r3[i] = TO_W[6] * f0 + TO_W[7] * f1 + TO_W[8] * f2
             r3[i] -= (PAIR * v[2 * N + i] - SPIN * v[N + i]) / step
-        substitute(w.lu, iw.pivots, r1, N)
-        substitute_complex(w.real, w.imag, iw.twins, r2, r3, N)
+        substitute_real(r1, w, iw)
+        substitute_pair(r2, r3, w, iw)
         square = 0.0
         for q in range(3):
             for i in range(N):
@@ -245,7 +154,7 @@ def newton(
 @kernel
 def filtered(error: Vector, step: float, w: Scratch, iw: Integers) -> float:
     """(REAL/step - J)^-1 error in place, and its mean square on the scale of the tolerance."""
-    substitute(w.lu, iw.pivots, error, N)
+    substitute_real(error, w, iw)
     square = 0.0
     for i in range(N):
         square += (error[i] / w.scale[i]) ** 2
@@ -372,7 +281,7 @@ def unsolved(
     if worst < 0 or not (most < INF):
         return False
     gap, largest = move[worst], 0.0
-    substitute(w.lu, iw.pivots, move, N)
+    substitute_real(move, w, iw)
     for i in range(N):
         largest = max(largest, abs(move[i]) / w.scale[i])
     if not (0.0 < largest < INF):

@@ -74,5 +74,7 @@ NOT_CONVERGED, UNDEFINED = 3, 4
 MOST_ITERATIONS = 10
 # A rate of convergence below which J is kept; spacing of doubles at 1, and its root.
 FAST, SPACING, ROOT_SPACING = 1e-3, 2.220446049250313e-16, 1.4901161193847656e-08
+# A part of the field: a difference that is smaller may be lost in its rounding.
+LEAST_CHANGE = 1e-12
 # A part of the steepness by which the stages of a step were solved, with which it is not that of its end.
 GONE = 1e-2
