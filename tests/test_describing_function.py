@@ -336,3 +336,19 @@ def test_states_that_jump_are_refused() -> None:
     kick = TimeEvent("kick", period=1, reset={y: -y})
     with pytest.raises(ModelError, match=r"the state jumps at time event 'kick'.*find_orbit"):
         describing_function(System(field, surfaces=[Surface("s", x)], time_events=[kick]), "s")
+
+
+def test_rounding_of_coefficients_is_no_second_input() -> None:
+    """-1 = 4/(pi a) C (j w - A)^-1 B for plants with coefficients of all digits: 3 of 10 were refused."""
+    rng = np.random.default_rng(1)
+    x = states("x0 x1 x2")
+    for k in range(12):
+        lags, row, d = np.poly(-rng.uniform(0.2, 3, 3)), rng.uniform(-1.5, 1.5, 3), rng.uniform(0.1, 0.3)
+        y = sum(float(c) * q for c, q in zip(row, x, strict=True))
+        control_law = sign(y) if k % 2 else (sign(y - d) + sign(y + d)) / 2
+        last = -sum(float(a) * q for a, q in zip(lags[:0:-1], x, strict=True)) - control_law
+        loop = System({x[0]: x[1], x[1]: x[2], x[2]: last})
+        for cycle in describing_function(loop, surface=loop.surface_names[0]).cycles:
+            s, a = 1j * cycle.frequency, cycle.amplitude
+            gain = 4 / (math.pi * a) * (1 if k % 2 else math.sqrt(1 - (d / a) ** 2))
+            assert gain * np.polyval(row[::-1], s) / np.polyval(lags, s) == pytest.approx(-1, abs=1e-9)

@@ -22,6 +22,8 @@ from filippov.model.symbolic import Select
 ComplexArray = npt.NDArray[np.complex128]
 
 PANELS, SHARPER, POINTS = 9, 5.0, 16
+# Denominators beyond it are those of doubles, not of a formula.
+LARGEST_FRACTION = 2**20
 _NODE, _WEIGHT = np.polynomial.legendre.leggauss(POINTS)
 
 
@@ -137,12 +139,14 @@ def lure(system: System, surface: str, parameters: Mapping[str, float] | None = 
     offset = float(h[index].xreplace(dict.fromkeys(form.x, sympy.S.Zero)))
     j = int(np.argmax(np.abs(row)))
     y = sympy.Dummy("y", real=True)
-    others = sum((row[k] * x for k, x in enumerate(form.x) if k != j), sympy.S.Zero)
-    inside = {form.x[j]: (y - offset - others) / row[j]}
+    # In fractions, so that no rounding of a coefficient remains as a second input.
+    exact = [sympy.Rational(q) for q in row.tolist()]
+    others = sum((exact[k] * x for k, x in enumerate(form.x) if k != j), sympy.S.Zero)
+    inside = {form.x[j]: (y - sympy.Rational(offset) - others) / exact[j]}
     matrix = np.zeros((len(form.x), len(form.x)))
     rest: list[Expr] = []
     for i, f in enumerate(field):
-        g = sympy.expand(f.xreplace(inside))
+        g = _replaced(f, inside)
         for k, x in enumerate(form.x):
             slope = sympy.simplify(g.diff(x)) if k != j else sympy.S.Zero
             if not slope.is_number:
@@ -158,7 +162,7 @@ def lure(system: System, surface: str, parameters: Mapping[str, float] | None = 
             matrix[i] += float(slope) * row
             bare = sympy.expand(bare - slope * (y - offset))
         rest.append(bare)
-    guard, cuts = _switches(system, [sympy.expand(g.xreplace(inside)) for g in h], y)
+    guard, cuts = _switches(system, [_replaced(g, inside) for g in h], y)
     function = sympy.lambdify([y, form.s, form.a], [_closed(e) for e in rest], "numpy")
 
     def evaluate(inputs: Array, signs: Array) -> Array:
@@ -169,6 +173,13 @@ def lure(system: System, surface: str, parameters: Mapping[str, float] | None = 
 
     widths = np.array([surface.width for surface in system.surfaces])
     return Lure(system.states, matrix, row, offset, evaluate, guard, cuts, widths)
+
+
+def _replaced(e: Expr, inside: Mapping[Symbol, Expr]) -> Expr:
+    """The expression with a state replaced, computed in fractions, its coefficients as numbers again."""
+    fractions = e.xreplace({q: sympy.Rational(q) for q in e.atoms(sympy.Float) if q.is_finite})
+    new = sympy.expand(fractions.xreplace(inside))
+    return new.xreplace({q: sympy.Float(q) for q in new.atoms(sympy.Rational) if q.q > LARGEST_FRACTION})
 
 
 def shared_input(system: System, parameters: Mapping[str, float] | None) -> str:
