@@ -88,3 +88,45 @@ def test_11_8_friction_without_a_direction_ends_where_the_body_rests() -> None:
         assert 0 <= run.t_end - float(np.hypot(*v0)) / mu < 5e-3
         assert run.steps + run.rejected < 20_000
         assert "Radau" not in run.message
+
+
+@cache
+def motor() -> System:
+    """A relay on the position of a damped motor, b x'' = -c x' - k sgn x: its sign acts on x'' alone."""
+    k = parameters(b=1.0, c=3.0, k=1.0)
+    return System({X: Y, Y: -(k.c * Y + k.k * sign(X)) / k.b})
+
+
+@cache
+def ocean() -> System:
+    """Mixing where salty water lies on fresh: two invisible folds meet on the line y = a x (Welander)."""
+    k = parameters(a=0.8, b=0.5, k1=1.0)
+    mixing = k.k1 * (1 + sign(Y - k.a * X)) / 2
+    return System({X: 1 - X - mixing * X, Y: k.b - k.b * Y - mixing * Y})
+
+
+def test_11_8_slow_spirals_around_two_folds() -> None:
+    """v falls as exp(-c t/(3 b)), for ever: of shallow cycles a finite end was told."""
+    rng = np.random.default_rng(11)
+    for number in range(DRAWS):
+        b, c, k = 10 ** rng.uniform(-0.5, 0.5, 3)
+        values = {"b": b, "c": c, "k": k}
+        given: dict[str, Any] = {"parameters": values, "max_events": 4000, "rtol": 1e-6, "atol": 1e-8 * k / c}
+        start, span = (k * b / c**2, 0), (0, 90 * b / c)
+        end = solve(motor(), start, span, **given)
+        where = f"{number}: {values}, {end.message}"
+        assert end.status is Status.MAX_EVENTS, where
+        assert not end.accumulations, where
+        told = float(end.message.split("halves every ")[1].split()[0])
+        assert told == pytest.approx(3 * b * np.log(2) / c, rel=0.03), where
+        on = solve(motor(), start, span, zeno="continue", **given)
+        assert on.success, f"{number}: {values}, {on.message}"
+        assert "the true one is" in on.message
+        np.testing.assert_allclose(on.x_end, 0, atol=1e-12)
+    for rtol in (1e-6, 1e-9):
+        end = solve(ocean(), (0.9, 0.5), (0, 40), rtol=rtol, atol=0.01 * rtol, max_events=4000)
+        assert end.status is Status.MAX_EVENTS
+        assert "n**-1:" in end.message
+        on = solve(ocean(), (0.9, 0.5), (0, 40), rtol=rtol, max_events=4000, zeno="continue")
+        assert on.success
+        np.testing.assert_allclose(on.x_end, [0.75, 0.6], atol=1e-12)

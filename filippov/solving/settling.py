@@ -181,6 +181,11 @@ class Settling(ABC):
             return None
         run.x[:] = spiral.x
         self.spiral = spiral
+        if len(spiral.surfaces) == 1:
+            before = run.signs
+            begun = self.higher.begin(spiral.surfaces, np.full(run.machine.n, spiral.distance))
+            if isinstance(begun, Begun):
+                return self._changed(before, begun.mode, begun.multipliers, spiral.surfaces, begun.note)
         return self._classify(self._with_slides(spiral.surfaces), spiral.surfaces, start=False)
 
     def _with_slides(self, reached: Sequence[int], zero: Sequence[int] = ()) -> list[int]:

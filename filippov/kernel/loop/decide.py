@@ -59,7 +59,8 @@ def kind_of(run: Trajectory) -> int:
     # Roots of a guard that is followed relative to itself are known to a part of the last cycle.
     cycle = max(abs(te - clock.fast_from), clock.fast_span) if clock.relative < 0.0 else 0.0
     told = cause == ROOT or clock.relative < 0.0  # elsewhere the mode after a tangency is the same
-    if told and faint(te, x, p, m, surface, te - now.t, clock.rtol * cycle, w, iw, ctx):
+    followed = run.zeno[surface].slow != 0.0
+    if told and not followed and faint(te, x, p, m, surface, te - now.t, clock.rtol * cycle, w, iw, ctx):
         return NONE
     if fading(run):
         return NONE

@@ -155,6 +155,8 @@ class EventCycles(Struct):
     streak: Vector = part(3)
     # The largest difference of the rates on both sides since sliding on the surface began.
     widest: float
+    # 1 where cycles shrink as a power of their number: they are followed, however faint.
+    slow: float
 
 
 class Past(Struct):

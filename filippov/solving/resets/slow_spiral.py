@@ -1,5 +1,8 @@
 """Cycles around a corner that shrink as a power of their number: infinitely many events, no limit in time.
 
+So do those of one surface around h = h' = 0 where its sign acts on h'' alone: the speed across it is the
+distance.
+
 Where the field of every mode is finite at the corner and the cycles are marginal to first order, the distance
 d of the n-th cycle obeys d' = d - a d**2, so d falls as 1/n; a cycle lasts a time in proportion to d, so d
 falls as exp(-rate t) while the number of events grows as exp(rate t). A genetic loop with thresholds does
@@ -15,7 +18,8 @@ import numpy as np
 
 from filippov.base.arrays import Array
 from filippov.base.status import EventKind
-from filippov.solving.resets.zeno import onto
+from filippov.solving.resets.zeno import Accumulation, onto, second_order
+from filippov.solving.state.events import Event
 from filippov.solving.state.run import Run
 
 # Events that a law is read off, and how well its two halves are to agree.
@@ -61,15 +65,16 @@ def slow_spiral(run: Run) -> SlowSpiral | None:
     recent = events[-RECENT:]
     part = tuple(sorted({event.index for event in recent}))
     plain = all(machine.roles[i] == "switching" and machine.widths[i] == 0.0 for i in part)
-    if len(part) < 2 or not plain or any(event.kind is not EventKind.CROSSING for event in recent):
+    if not part or not plain or any(event.kind is not EventKind.CROSSING for event in recent):
         return None
     last = events[-1]
     same = [e for e in events if e.index == last.index and e.after == last.after]
     count = len(same)
     if count < LEAST_LAPS:
         return None
+    distance = _distance if len(part) > 1 else _speed
     picked = [same[count // 4], same[count // 2], same[-1]]
-    sizes = [_distance(run, event.t, event.x, part) for event in picked]
+    sizes = [distance(run, event, part) for event in picked]
     times = [event.t for event in picked]
     if not all(sizes) or times[0] == times[1]:
         return None
@@ -80,13 +85,26 @@ def slow_spiral(run: Run) -> SlowSpiral | None:
     if not LEVEL < lasted < 1.0 / LEVEL:
         return None
     x = onto(run, run.t, run.x, part)
+    if len(part) == 1:
+        folds = second_order(run, Accumulation(run.t, run.x, 0.0, np.inf, 1.0, part))
+        if folds is None:
+            return None
+        x = folds
     half_life = abs(times[2] - times[1]) / powers[1]
     return SlowSpiral(part, run.t, x, float(np.max(np.abs(x - run.x))), half_life, powers[1])
 
 
-def _distance(run: Run, t: float, x: Array, surfaces: tuple[int, ...]) -> float:
+def _distance(run: Run, event: Event, surfaces: tuple[int, ...]) -> float:
     """The largest distance from one of the surfaces, to first order."""
-    x = np.ascontiguousarray(x)
-    h = run.machine.guards(t, x, run.mode)
-    g, _ = run.machine.gradients(t, x, run.mode)
+    x = np.ascontiguousarray(event.x)
+    h = run.machine.guards(event.t, x, run.mode)
+    g, _ = run.machine.gradients(event.t, x, run.mode)
     return max(abs(float(h[i])) / float(np.linalg.norm(g[i])) for i in surfaces)
+
+
+def _speed(run: Run, event: Event, surfaces: tuple[int, ...]) -> float:
+    """How fast the one surface is crossed."""
+    x, mode = np.ascontiguousarray(event.x), np.array(event.before, dtype=float)
+    g, gt = run.machine.gradients(event.t, x, mode)
+    field = run.machine.rhs(event.t, x, np.where(mode == 0.0, 1.0, mode), mode)
+    return abs(float(g[surfaces[0]] @ field + gt[surfaces[0]]))

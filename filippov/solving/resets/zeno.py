@@ -17,6 +17,7 @@ from filippov.kernel.loop.limit import GLOBAL
 from filippov.kernel.loop.segment import IN_TIME
 from filippov.kernel.loop.state import Past as PastRecord
 from filippov.kernel.tables import codes
+from filippov.solving.resets.cycle_powers import of_a_power
 from filippov.solving.resets.impact_law import hold
 from filippov.solving.state.event_log import Past, looked_at
 from filippov.solving.state.rates import off_contact, velocity
@@ -126,6 +127,7 @@ class _Told(NamedTuple):
     law: _Law
     ends: npt.NDArray[np.int64]
     part: tuple[int, ...]
+    cycle: int
 
 
 def _told(run: Run) -> _Told | None:
@@ -145,12 +147,12 @@ def _told(run: Run) -> _Told | None:
     middle, first = (abs(float(times[-1] - times[-1 - k * int(latest)])) for k in (1, 2))
     part = _taking_part(run, past, most, first, middle)
     ends = same[int(last) :: -int(cycle)][: CYCLES + 1][::-1]
-    return _Told(past, _Law(t, error, ratio, sure), ends, part)
+    return _Told(past, _Law(t, error, ratio, sure), ends, part, int(latest))
 
 
 def _accumulation(run: Run) -> Accumulation | None:
     told = _told(run)
-    if told is None or not told.part:
+    if told is None or not told.part or of_a_power(run, told.cycle, told.law.ratio):
         return None
     best = _limit(run, told.past.x[told.ends], int(told.past.surface[-1]), told.law, told.part)
     return _at_rest(run, best) if all(run.machine.contacts[i] for i in told.part) else best

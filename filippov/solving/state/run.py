@@ -110,6 +110,8 @@ class Run:
         self.steps: list[tuple[Array, Array]] = []
         # The limit of the events so far, and what it was asked for (see `resets.zeno`).
         self.limit: tuple[Any, Any] | None = None
+        # Whether cycles shrink by a power of their number, and the number of events until which that is so.
+        self.of_a_power: tuple[bool, int] = (False, 0)
         # Where the present mode was taken up.
         self.taken = span[0], self.x.copy()
         self.begun = self.x.copy()
