@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -141,12 +142,15 @@ def _distances(
 def _speeds(solution: Solution, jacobian: Callable[..., Any] | None) -> list[tuple[float, float]]:
     """(relative speed, t) with which each surface is reached, and left where it is left off the surface."""
     out = []
-    for event in solution.events:
-        surfaces = solution.problem.system.surfaces
+    surfaces = solution.problem.system.surfaces
+    groups = [list(group) for _, group in groupby(solution.events, key=lambda event: event.group)]
+    for event, together in ((event, group) for group in groups for event in group):
         if event.index >= len(surfaces) or surfaces[event.index].kind not in _MET:
             continue
         if event.kind is EventKind.GRAZING:
             out.append((0.0, event.t))
+            continue
+        if event.kind is EventKind.EXIT and not Together(solution, together, (), jacobian).leads(event):
             continue
         here = Together(solution, [event], (), jacobian)
         i = event.index

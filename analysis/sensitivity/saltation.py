@@ -342,7 +342,7 @@ class Together:
                 raise self.refused(f"the solution grazes surface {event.surface!r}")
         reached = [e for e in switching if self.leads(e)]
         if not reached:
-            if self.before == self.after or not switching:
+            if self.before == self.after or not switching or self._slides_end(switching):
                 return identity
             raise self.refused("no surface is reached, yet the mode changes (the end of an accumulation?)")
         if len(reached) == 1:
@@ -351,9 +351,9 @@ class Together:
 
     def leaving(self) -> tuple[Array, Array] | None:
         """G_y and y' where the instant is one sliding exit, across which y' is continuous; else None."""
-        if len(self.events) != 1 or self.events[0].kind is not EventKind.EXIT:
+        event = self.events[0]
+        if len(self.events) != 1 or event.kind is not EventKind.EXIT or not self.leads(event):
             return None
-        (event,) = self.events
         slope = self.guard(self.before, event.index, 1 if event.after[event.index] > 0 else -1)
         return slope, self.field(self.after)[1]
 
@@ -417,14 +417,28 @@ class Together:
 
     def leads(self, event: Event) -> bool:
         """Whether the event occurs by itself, and does not follow from another one of the instant."""
-        i = event.index
-        if self.before[i] != 0 or len(self.events) == 1:
+        i, alone = event.index, len(self.events) == 1
+        if self.before[i] != 0:
             return True
         part = mode_field(self.system, self.before)
         t, x = np.array([self.t]), self.x[None, :]
         s = part.multipliers(t, x, self.p)
         low, high = part.part("radius", t, x, s, self.p)[0, i]
-        return bool(min(abs(s[0, i] - low), abs(s[0, i] - high)) < 1e-6 * (1.0 + high - low))
+        at_end = bool(min(abs(s[0, i] - low), abs(s[0, i] - high)) < 1e-6 * (1.0 + high - low))
+        try:
+            self.rate(self.before, i, 1 if event.after[i] > 0 else -1)
+        except linalg.MatrixError:  # no multiplier holds the slide: it ends by what took that from it
+            return False
+        except NotDifferentiableError:
+            return at_end and alone
+        # A slide whose multiplier is beyond its end has ended by the event before it.
+        return at_end or bool(alone and low < s[0, i] < high)
+
+    def _slides_end(self, events: Sequence[Event]) -> bool:
+        """Whether the instant ends slides alone, and y' is the same after it."""
+        before, after = self.field(self.before)[1], self.field(self.after)[1]
+        same = np.max(np.abs(after - before)) <= 1e-9 * np.max(np.abs(before))
+        return bool(same) and all(event.kind is EventKind.EXIT for event in events)
 
     def _one(self, before: Mode, after: Mode, event: Event) -> Array:
         slope, rate = self.rate(before, event.index, 1 if event.after[event.index] > 0 else -1)

@@ -24,6 +24,10 @@ from filippov.analysis.sensitivity.plain_variation import PlainParts
 from filippov.base.arrays import Array
 from filippov.base.names import unknown
 
+# Of the sum of its terms: a rate below it is 0 to rounding, and a field that a multiplier moves by less does
+# not depend on it.
+ROUNDING = 1e-13
+
 
 class Parts(Protocol):
     """Field, switching functions and derivatives of one mode, on many points at once."""
@@ -140,11 +144,28 @@ class ModeField:
         for _ in range(40 if self.sliding else 0):
             r = self.part("r", t, x, s, p)[:, self.sliding, 0]
             rs = self.part("rs", t, x, s, p)[:, self.sliding, :]
-            change = linalg.solve(rs, r[..., None])[..., 0]
+            change = self._newton(rs, r, t, x, s, p)
             s[:, self.sliding] -= change
             if np.max(np.abs(change), initial=0.0) < 1e-14 * (1.0 + np.max(np.abs(s))):
                 break
         return s
+
+    def _newton(self, rs: Array, r: Array, t: Array, x: Array, s: Array, p: Array) -> Array:
+        """The change of the multipliers to r = 0. Where neither a rate nor the field depends on one, as where
+        a slide k v (1 - s) comes to v = 0, any value holds it: the nearest one."""
+        try:
+            return np.asarray(linalg.solve(rs, r[..., None])[..., 0])
+        except linalg.MatrixError:
+            inverse = linalg.pinv(rs)
+            change = (inverse @ r[..., None])[..., 0]
+            left = np.abs((rs @ change[..., None])[..., 0] - r)
+            normals = np.abs(self.part("hy", t, x, s, p)[:, self.sliding, :])
+            size = (normals @ np.abs(self.velocity(t, x, s, p))[..., None])[..., 0]
+            moved = np.abs(self.part("fs", t, x, s, p) @ (np.eye(rs.shape[-1]) - inverse @ rs))
+            speed = np.abs(self.part("f", t, x, s, p)).max(axis=(1, 2))
+            if np.any(left > ROUNDING * size) or np.any(moved.max(axis=(1, 2)) > ROUNDING * speed):
+                raise
+            return np.asarray(change)
 
 
 @lru_cache(maxsize=512)
