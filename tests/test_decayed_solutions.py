@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from sympy import Abs
 
 from filippov import Status, System, TimeEvent, exp, sign, solve, states, t
+from filippov.solving.resets.rest import _nearly_still
 
 NAMES = states("x y z")
 DRAWS = 60 if os.environ.get("FILIPPOV_PROFILE") == "ci" else 6
@@ -103,3 +105,18 @@ def test_a_pulse_that_is_to_come_is_waited_for() -> None:
     kick = TimeEvent("kick", times=(100,), reset={x: 1, y: 0})
     kicked = solve(System(swing, time_events=[kick]), (1, 0), (0, 105))
     assert kicked.x_end == pytest.approx(solve(System(swing), (1, 0), (0, 5)).x_end, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_field_that_vanishes_within_the_tolerance_is_always_looked_at(seed: int) -> None:
+    """Fields A (x - c), with rows that cancel: c within the slack is found, one far away is not."""
+    rng = np.random.default_rng(seed)
+    for _ in range(100):
+        n = int(rng.integers(1, 40))
+        a = rng.choice([-1.0, 0.0, 1.0, 1e-6, 1e6], (n, n), p=[0.2, 0.4, 0.2, 0.1, 0.1]) - 3.0 * np.eye(n)
+        x, slack = rng.normal(size=n), 10.0 ** rng.uniform(-12, -6, n)
+        for far in (1.0, 1e6):
+            centre = x - far * slack * rng.choice([-1.0, 1.0], n)
+            machine = SimpleNamespace(rhs=lambda t, x, s, m, a=a, c=centre: a @ (x - c))
+            run = SimpleNamespace(machine=machine, t=0.0, x=x)
+            assert _nearly_still(run, np.zeros(0), slack) == (far == 1.0)

@@ -21,6 +21,9 @@ SAMPLES = 16
 # In tolerances: as close to where it stays as a run comes, and so much farther away it is to have begun;
 # events in a row so close to it, by which it is not led out again.
 CLOSE, FAR, CIRCLED = 10.0, 1e2, 6
+# Moves of all states at once, by which a field is seen to be far from 0; by so many times too little at most.
+# Beyond so many states eigenvalues take longer than the run.
+MOVES, TOO_LITTLE, MOST_STATES = 8, 30.0, 1000
 
 
 def holds_still(velocities: Array) -> bool:
@@ -122,12 +125,14 @@ def faded(run: Run, close: float = CLOSE) -> list[int]:
     near, machine = near_within(run, run.x, slack, run.mode), run.machine
     able = 0 < len(near) <= LARGEST_CORNER and not any(machine.resets_from[i] for i in near)
     able = able and run.direction > 0 and not machine.constants["NON_LIPSCHITZ"]
-    able = able and not _depends_on_time(machine.system)
+    able = able and len(slack) <= MOST_STATES and not _depends_on_time(machine.system)
     if not able or np.all(np.abs(run.begun - run.x) <= FAR * slack):
         return []
     corner, moves = np.where(run.mode == 0.0, 1.0, run.mode), np.diag(FAR * slack)
     for signs in itertools.product((-1.0, 1.0), repeat=len(near)):
         corner[near] = signs
+        if not _nearly_still(run, corner, slack):
+            return []
         beside = np.array([machine.rhs(run.t, run.x + move, corner, corner) for move in (*moves, *-moves)])
         slope = (beside[: len(slack)] - beside[len(slack) :]).T / (2 * FAR * slack)
         if not np.all(np.isfinite(slope)) or np.max(np.linalg.eigvals(slope).real) >= 0.0:
@@ -138,6 +143,21 @@ def faded(run: Run, close: float = CLOSE) -> list[int]:
             return []
     run.x[:] = onto(run, run.t, run.x, tuple(i for i in near if machine.roles[i] == "switching"))
     return near
+
+
+def _nearly_still(run: Run, corner: Array, slack: Array) -> bool:
+    """Whether a field may vanish within the slack of the run: no more of it than moves of that size make.
+
+    What they make of a component of it adds up to less than the sum of its terms, by chance: rarely by more
+    than the root of their number, and next to never by TOO_LITTLE times as much in all of MOVES.
+    """
+    rng, here = np.random.default_rng(0), np.array(run.machine.rhs(run.t, run.x, corner, corner))
+    made = np.zeros(len(slack))
+    for _ in range(MOVES):
+        move = rng.choice([-1.0, 1.0], len(slack)) * rng.uniform(0.5, 1.0, len(slack))
+        there = np.array(run.machine.rhs(run.t, run.x + FAR * slack * move, corner, corner))
+        made = np.maximum(made, np.abs(there - here) / FAR)
+    return bool(np.all(np.abs(here) <= TOO_LITTLE * np.sqrt(len(slack)) * made))
 
 
 @lru_cache(maxsize=128)
