@@ -10,16 +10,17 @@ import scipy.linalg
 from numpy.random import Generator, default_rng
 
 from filippov import EventKind, Surface, System, cos, sign, solve, states, t
-from filippov.kernel.codegen.generate import generate
+from filippov.kernel.codegen.newton_band import newton_band
 from filippov.kernel.methods import band_lu
 from filippov.kernel.tables import codes, layout, radau_tables, root_tables
+from filippov.solving.state.machine import unit_of
 
 
 def band_of(system: System) -> int:
     """Half the width of the band in which the system's matrices are, 0 where they are dense."""
     form = system.symbolic
     assert form is not None
-    band = generate(form, system.surfaces).constants["BAND"]
+    band = newton_band(form, unit_of(system).constants)["BAND"]
     assert isinstance(band, int)
     return band
 

@@ -244,10 +244,9 @@ def _fixed(value: Constant) -> Any:
 
 
 def _sizes(constants: Mapping[str, Constant], method: str) -> Sizes:
-    n, m, points = (int(constants[name]) for name in ("N", "M", "P"))  # type: ignore[arg-type]
+    n, m, points, band = (int(constants[q]) for q in ("N", "M", "P", "BAND"))  # type: ignore[arg-type]
     colours, largest = int(constants["COLOURS"]), int(constants["LARGEST"])  # type: ignore[arg-type]
     tableau, room = TABLEAUS[method], int(constants.get("JET_ROOM", 0))  # type: ignore[arg-type]
-    band = int(constants["BAND"]) if isinstance(tableau, Collocation) else 0  # type: ignore[arg-type]
     return Sizes(
         n, m, bool(constants["AFFINE"]), colours, largest, constants["RULE"] == MOMENTS,
         points if constants["WIDE"] else None, tableau.stages, len(tableau.extra), len(tableau.dense[0]),

@@ -342,18 +342,10 @@ def filled(rows: Sequence[Sequence[Expr]]) -> list[dict[int, Expr]]:
 def structure(form: SymbolicForm, field: Sequence[Expr], rows: Sequence[Mapping[int, Expr]]) -> Structure:
     """Which gradients, field components and signs depend on each other."""
     sign, size = {s: i for i, s in enumerate(form.s)}, {a: i for i, a in enumerate(form.a)}
-    place = {x: j for j, x in enumerate(form.x)}
-    columns = tuple(tuple(j for j in row if j < len(form.x)) for row in rows)
-    found = [f.free_symbols for f in field]
-    # The acceleration of a contact is in its guard: nothing is said of what that depends on.
-    known = [] if any(form.contact) else found
-    states = [frozenset(place[q] for q in symbols & place.keys()) for symbols in known]
-    inside = [frozenset(j for a in symbols & size.keys() for j in columns[size[a]]) for symbols in known]
     return Structure(
-        columns,
-        tuple(frozenset(sign[s] for s in symbols & sign.keys()) for symbols in found),
+        tuple(tuple(j for j in row if j < len(form.x)) for row in rows),
+        tuple(frozenset(sign[s] for s in f.free_symbols if s in sign) for f in field),
         tuple(frozenset(size[a] for a in h.free_symbols if a in size) for h in form.h),
-        tuple(own | other for own, other in zip(states, inside, strict=True)),
     )
 
 

@@ -71,6 +71,9 @@ def unit_constants(
         "ROOTS": any(roots),
         "ROOTED": [int(flag) for flag in roots] or [0] * max(len(surfaces), 1),
         "HELD": [int(flag) for flag in held] or [0] * max(len(surfaces), 1),
+        # Of an implicit method `newton_band` may find another order.
+        "BAND": 0,
+        "IN_BAND": [0],
         **_reset_constants(n, surfaces, ticks),
     }
     return own | pattern.constants(n)

@@ -9,10 +9,8 @@ of a colour (Curtis, Powell & Reid 1974, J. Inst. Maths Applics 13).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from filippov.kernel.codegen.newton_band import newton_band
 from filippov.kernel.language.unit import Constant
 
 
@@ -23,13 +21,11 @@ class Structure:
     columns  for every surface the states on which h_i depends
     signs    for every state the surfaces whose sign occurs in its component of the field
     sizes    for every surface those whose size |h| occurs in h_i
-    states   for every state those on which its component of the field depends; empty where that is not known
     """
 
     columns: tuple[tuple[int, ...], ...]
     signs: tuple[frozenset[int], ...]
     sizes: tuple[frozenset[int], ...]
-    states: tuple[frozenset[int], ...] = ()
 
     @classmethod
     def full(cls, n: int, m: int) -> Structure:
@@ -82,33 +78,6 @@ class Structure:
             colours[i] = next(c for c in range(m + 1) if c not in taken)
         return colours
 
-    def jacobian_rows(self, component: Sequence[int]) -> list[set[int]]:
-        """For every state the states on which its component of the field depends, whatever slides.
-
-        The multiplier of a surface depends on all that the rates of its component of surfaces depend on, and
-        moves what its sign acts on and the states in its guard.
-        """
-        rows = [{i, *states} for i, states in enumerate(self.states)]
-        if not rows:
-            return rows
-        moved: dict[int, set[int]] = {}
-        felt: dict[int, set[int]] = {}
-        acting = frozenset().union(*self.signs)
-        for i, columns in enumerate(self.columns):
-            if i not in acting:
-                continue
-            moved.setdefault(component[i], set()).update(columns)
-            felt.setdefault(component[i], set()).update(columns, *(self.states[r] for r in columns))
-        for r, signs in enumerate(self.signs):
-            for i in signs:
-                moved[component[i]].add(r)
-        for number, states in moved.items():
-            if len(states) * len(felt[number]) > len(rows) ** 2 // 4:
-                return []
-            for r in states:
-                rows[r] |= felt[number]
-        return rows
-
     def constants(self, n: int) -> dict[str, Constant]:
         """The same as tables of `filippov.kernel.loop.model`, which the kernels read."""
         m = len(self.columns)
@@ -131,5 +100,5 @@ class Structure:
             "COLOURS": count,
             "OWNER": owner or [-1],
             "LARGEST": max(sizes, default=1) or 1,
-            **newton_band(self.jacobian_rows(component)),
         }
+

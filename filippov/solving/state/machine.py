@@ -16,8 +16,10 @@ from filippov.kernel.codegen.callback import Callbacks, EventCallbacks, callback
 from filippov.kernel.codegen.entries import ARGUMENTS
 from filippov.kernel.codegen.generated import Generated
 from filippov.kernel.codegen.input_slots import EACH
+from filippov.kernel.codegen.newton_band import FEW, newton_band
 from filippov.kernel.language.primitives import KernelError
 from filippov.kernel.language.records import address_of
+from filippov.kernel.language.unit import Constant
 from filippov.kernel.tables.layout import RULES
 from filippov.kernel.tables.root_tables import NODES
 from filippov.kernel.tables.tableaus import TABLEAUS, Collocation, Series
@@ -79,6 +81,16 @@ def _generated_with(system: System, expressions: tuple[Any, ...], functions: int
     assert system.symbolic is not None
     events = [Surface("event", e, kind="observer") for e in (*expressions, *[_placeholder] * functions)]
     return generate_with_events(system.symbolic, system.surfaces, tuple(events), blended)
+
+
+def _band(system: System, unit: Generated) -> dict[str, Constant]:
+    """The band of Newton's matrices of a system of expressions, found once and kept with it."""
+    key = generation(), "band"
+    if key not in system.units:
+        assert system.symbolic is not None
+        system.units[key] = newton_band(system.symbolic, unit.constants)
+    found: dict[str, Constant] = system.units[key]
+    return found
 
 
 @lru_cache(maxsize=256)
@@ -156,6 +168,8 @@ class Machine:
             small = self.m == 0 and source.startswith("@inline") and not system.inputs
             self.constants = self.constants | jets.constants | {"WIDE": self.constants["WIDE"] or small}
             source += jets.source
+        if isinstance(tableau, Collocation) and self.n >= FEW and system.field is None:
+            self.constants = self.constants | _band(system, unit)
         self.source = source
         self.compiled: Compiled = build(source, self.constants, method)
         self.p = self.derived(p)
