@@ -48,7 +48,7 @@ CORE = Part(
 PARTS = (
     CORE,
     Part(
-        ("dense", "rules", "corner", "corner_event"),
+        ("dense", "rules", "corner", "coupled_corner", "corner_event"),
         (
             "solve_or_least", "slide_affine", "slide_multi_affine", "slide_moments", "slide_utkin",
             "reach_corner", "leave_corner", "take_corner", "look_at_corner",

@@ -79,7 +79,7 @@ def kind_of(run: Trajectory) -> int:
         rate = w.end[2 * surface + 1] * w.direction
         return resolve_root(te, x, p, m, order, surface, rate, w, iw, ctx)
     if now.residual <= BOUND_TOLERANCE * (abs(w.row[surface]) + abs(w.row[M + surface])):
-        if M > 1 and run.count.pair == 1 and iw.coupled[COMPONENT[surface]] == 2:
+        if M > 1 and iw.coupled[COMPONENT[surface]] > 1:
             return leave_corner(run)
         cycles = run.zeno[surface]
         lasted = abs(te - (cycles.last if cycles.interval[0] > 0.0 else clock.t_start))

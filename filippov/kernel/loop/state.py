@@ -252,6 +252,7 @@ class Scratch(Struct):
     xm: Vector = part(lambda of: of.n)
     h: Vector = part(lambda of: of.m)
     before: Vector = part(lambda of: of.m)
+    kept: Vector = part(lambda of: of.m)
     # Rows of all guards at two points.
     row: Vector = part(lambda of: 4 * of.m)
     # Guards and their rates, in turn, at both ends of the step.
@@ -267,6 +268,13 @@ class Scratch(Struct):
     jump: Vector = part(lambda of: of.n)
     # Rates of two surfaces in the four quadrants around their corner, and the scales of both.
     corner: Vector = part(10)
+    # Rates of the surfaces of a corner that are affine in their signs: how these act on them, their values at
+    # signs 0, their scales; the signs that follow, and the sides (see `coupled_corner`).
+    coupling: Vector = part(lambda of: of.side * of.side if of.affine else 0)
+    coupled_rate: Vector = part(lambda of: of.side if of.affine else 0)
+    coupled_size: Vector = part(lambda of: of.side if of.affine else 0)
+    coupled_sign: Vector = part(lambda of: of.side if of.affine else 0)
+    coupled_side: Vector = part(lambda of: of.side if of.affine else 0)
     # Guards at the Chebyshev points of a piece and where it is checked: 2 m rows each.
     node: Vector = part(lambda of: of.nodes * 2 * of.m)
     check: Vector = part(lambda of: CHECKS * 2 * of.m)
@@ -316,7 +324,8 @@ class Scratch(Struct):
 
 class Integers(Struct):
     """The sliding surfaces component by component: their number, the list, the end of each one's group in it,
-    its place there, how many slide in every component; what is counted; the pivots of an implicit method.
+    its place there, how many slide in every component, the surfaces of a corner; what is counted; the pivots
+    of an implicit method.
     """
 
     sliding: int
@@ -330,6 +339,7 @@ class Integers(Struct):
     group: Indices = part(lambda of: of.m)
     place: Indices = part(lambda of: of.m)
     coupled: Indices = part(lambda of: max(of.m, 1))
+    corner: Indices = part(lambda of: of.side)
     pivots: Indices = part(lambda of: of.kept)
     twins: Indices = part(lambda of: of.kept)
 

@@ -165,7 +165,8 @@ def _consistent(
     sizes = _projected(point, base, reached)
     left = frozenset(i for i in triggered or () if base[i] == 0)
     found = _without_doubles(found, left, sizes, radii)
-    return _one_per_solution(_without_released_sticking(found, radii), sizes)
+    stuck = [] if triggered is None else [i for i in reached if base[i] == 0 and i not in triggered]
+    return _one_per_solution(_without_released_sticking(found, radii, stuck), sizes)
 
 
 def _along(point: Point, reached: Sequence[int]) -> frozenset[int]:
@@ -359,21 +360,26 @@ def _without_doubles(
     return [a for a in found if not any(beaten(a, b) for b in found)]
 
 
-def _without_released_sticking(found: list[Successor], radii: Array) -> list[Successor]:
-    """U4: where the set at h = 0 is wider than [-1, 1], sticking precedes a slip that is as consistent."""
-    kept = []
-    for candidate in found:
-        beaten = any(
-            other.mode != candidate.mode
-            and all(
-                b == a or (b == 0 and max(-radii[i, 0], radii[i, 1]) > 1 + 1e-12)
-                for i, (a, b) in enumerate(zip(candidate.mode, other.mode, strict=True))
-            )
-            for other in found
+def _without_released_sticking(
+    found: list[Successor], radii: Array, stuck: Sequence[int]
+) -> list[Successor]:
+    """U4: where the set at h = 0 is wider than [-1, 1], sticking precedes a slip that is as consistent.
+
+    stuck: surfaces that the solution sticks to, and at which nothing happens: the candidates that release
+    fewer of these precede, though one at which something happens could stick on beside others that slip.
+    """
+
+    def wide(i: int) -> bool:
+        return bool(max(-radii[i, 0], radii[i, 1]) > 1 + 1e-12)
+
+    def precedes(b: Successor, a: Successor) -> bool:
+        mine, other = ({i for i in stuck if wide(i) and c.mode[i] != 0} for c in (b, a))
+        sticks = all(
+            v == u or (v == 0 and wide(i)) for i, (u, v) in enumerate(zip(a.mode, b.mode, strict=True))
         )
-        if not beaten:
-            kept.append(candidate)
-    return kept
+        return b.mode != a.mode and (sticks or mine < other)
+
+    return [a for a in found if not any(precedes(b, a) for b in found)]
 
 
 def _one_per_solution(found: list[Successor], sizes: Array) -> list[Successor]:
