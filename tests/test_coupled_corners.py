@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from scipy.optimize import lsq_linear
+from scipy.optimize import brentq, lsq_linear
 
 from filippov import Surface, System, parameters, sign, solve, solve_many, states, t
 from filippov.solving import loop
@@ -190,3 +190,48 @@ def test_u4_what_nothing_has_triggered_sticks_on() -> None:
     assert np.max(np.abs(run.x_end - [2.1**2 / 6 + 0.2, 2.1**2 / 6 + 0.2, pulled])) < 1e-12
     both = solve(System(field, surfaces=surfaces), (0, 0, 0), (0, 2.5), backend="python")
     assert np.max(np.abs(both.x_end - run.x_end)) < 1e-12
+
+
+@pytest.mark.parametrize("seed", [5, 19, 90, 115, 138, 146])
+def test_14_1_the_enumeration_finds_what_breaks_away_where_all_stands_still(seed: int) -> None:
+    """Three planes that hold the state at 0, their forces 1.2: one leaves, long before the run ends."""
+    rng = np.random.default_rng(seed)
+    x, root = states("x1 x2 x3"), rng.normal(size=(3, 3))
+    mass = root @ root.T / 3 + 0.3 * np.eye(3)
+    A, phase = rng.normal(size=(3, 3)) - 2 * np.eye(3), rng.uniform(0, 6, 3)
+    size, pace = rng.uniform(1.3, 2.0, 3), rng.uniform(0.5, 3.0, 3)
+    G = rng.normal(size=(3, 3))
+    h = [sum(float(G[i, j]) * x[j] for j in range(3)) for i in range(3)]
+    push = [float(size[j]) * sp.cos(float(pace[j]) * t + float(phase[j])) - sign(h[j]) for j in range(3)]
+    force = mass @ G.T
+    field = {
+        x[i]: sum(float(A[i, j]) * x[j] + float(force[i, j]) * push[j] for j in range(3)) for i in range(3)
+    }
+    system = System(field, surfaces=[Surface(f"h{j}", h[j], radius=1.2) for j in range(3)])
+
+    def excess(at: float) -> np.ndarray:
+        return np.asarray(np.abs(size * np.cos(pace * at + phase)) - 1.2)
+
+    grid = np.linspace(0, 8, 8001)
+    rises = np.array([np.maximum(excess(a), -1e-9) < 0 for a in grid])
+    first, leave = -1, np.inf
+    for j in range(3):
+        found = np.flatnonzero(rises[:-1, j] & ~rises[1:, j])
+        if len(found):
+            at = brentq(lambda u, j=j: excess(u)[j], grid[found[0]], grid[found[0] + 1], xtol=1e-15)
+            first, leave = (j, at) if at < leave else (first, leave)
+    run = Run(Machine(system, "DOP853", np.zeros(0)), np.zeros(3), (leave, 8.0), Options())
+    run.put((0, 0, 0), (0,) * 3, (0.0,) * 3)
+    modes = [c.mode for c in successors(point_of(run), (0, 0, 0), [0, 1, 2], [first])]
+    assert len(modes) >= 1
+    # Off its surface, to the side of its force, and consistent with the rates at signs that are written out.
+    for mode in modes:
+        free = [j for j in range(3) if mode[j] != 0]
+        slid = [j for j in range(3) if mode[j] == 0]
+        C, r = -G @ force, G @ force @ (size * np.cos(pace * leave + phase))
+        s = np.array(mode, dtype=float)
+        if slid:
+            s[slid] = np.linalg.solve(C[np.ix_(slid, slid)], -(r + C[:, free] @ s[free])[slid])
+        rates = r + C @ s
+        assert np.all(np.abs(s[slid]) < 1.2)
+        assert np.all(rates[free] * s[free] > 0)

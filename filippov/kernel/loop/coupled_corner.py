@@ -1,15 +1,18 @@
 """Corners of any number of surfaces whose rates are affine in their signs: what follows, where it is clear.
 
 On the surfaces of a corner h' = r + C s. A choice of sides is consistent if the multipliers of the surfaces
-slid on, with h'_i = 0, lie in their sets, and h'_i leads off the others to their sides. Up to ENUMERATED
-surfaces all choices are tried. Beyond, -C must be a P-matrix (its principal minors all positive): then one s
-solves the complementarity problem, found by principal pivoting. It is with a diagonal D > 0 such that -C D is
-symmetric and positive definite (friction: C = -G M^-1 G' D^-1); solutions approach each other in the norm of
-its inverse. Surfaces at the end of a set wider than [-1, 1] are released: their signs fall to +-1, and the
-others are found anew. What is not clear is left to `filippov.solving.selection.modes`.
+slid on, with h'_i = 0, lie in their sets, and h'_i leads off the others to their sides. If -C is a P-matrix
+(its principal minors all positive), one s solves the complementarity problem, found by principal pivoting.
+It is one with a diagonal D > 0 such that -C D is symmetric and positive definite (friction: C = -G M^-1 G'
+D^-1); solutions approach each other in the norm of its inverse. It is one too where D makes the diagonal of
+D C exceed all else in its column together; they approach each other in the sum of their distances. Elsewhere
+up to MOST_MINORS minors are computed. Surfaces at the end of a set wider than [-1, 1] are released: their
+signs fall to +-1, and the others are found anew. For up to ENUMERATED surfaces of which this does not tell,
+all choices are tried. What is not clear is left to `filippov.solving.selection.modes`.
 
-Sources: Leine & Nijmeijer 2004, chapter 5; Cottle, Pang & Stone 1992, sections 3.3 and 4.2; Judice & Pires
-1994, Computers Oper. Res. 21 (all pivots at once, single ones where these do not end).
+Sources: Leine & Nijmeijer 2004, chapter 5; Cottle, Pang & Stone 1992, sections 3.3 and 4.2; Berman & Plemmons
+1994, chapter 6 (M-matrices); Júdice & Pires 1994, Computers Oper. Res. 21 (all pivots at once, single ones
+where these do not end).
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel
@@ -22,8 +25,8 @@ from filippov.kernel.loop.resolve import CLEAR_RATE
 from filippov.kernel.loop.rules import couple, sign_derivatives
 from filippov.kernel.loop.state import Integers, Scratch
 
-# Surfaces of which all choices and minors are tried here, and by the classification of corners.
-ENUMERATED, ENUMERATED_THERE = 4, 6
+# Surfaces of which all choices are tried, as by the classification of corners; whose minors are computed.
+ENUMERATED, MOST_MINORS = 6, 8
 # The least distance of a multiplier from the ends of its set; a set that is wider than Filippov's own.
 OFF_ENDS, WIDER = 1e-5, 1.000000000001
 # Rounding of what is symmetric, of its largest entry.
@@ -104,7 +107,7 @@ def minor(chosen: int, k: int, w: Scratch) -> float:
 @kernel
 def minors_positive(k: int, w: Scratch) -> bool:
     """Whether every principal minor of -C is positive, for the few surfaces for which they are computed."""
-    if k > ENUMERATED:
+    if k > MOST_MINORS:
         return False
     least = 1.0
     for chosen in range(1, 1 << k):
@@ -163,9 +166,33 @@ def like_friction(k: int, w: Scratch) -> bool:
 
 
 @kernel
+def dominant(k: int, w: Scratch) -> bool:
+    """Whether a positive diagonal makes the diagonal of -C exceed the sum of all else in each column.
+
+    So it is where |C| with the signs of an M-matrix is one: elimination meets positive pivots only.
+    """
+    a = w.mat
+    for c in range(k):
+        for d in range(k):
+            entry = w.coupling[c * SIDE + d]
+            a[c * SIDE + d] = -entry if c == d else -abs(entry)
+        w.slope[c] = a[c * SIDE + c]
+    for q in range(k):
+        pivot = a[q * SIDE + q]
+        if not (w.slope[q] > 0.0 and pivot > MINOR * w.slope[q]):
+            return False
+        for c in range(q + 1, k):
+            factor = a[c * SIDE + q] / pivot
+            if factor != 0.0:
+                for d in range(q + 1, k):
+                    a[c * SIDE + d] -= factor * a[q * SIDE + d]
+    return True
+
+
+@kernel
 def one_choice(k: int, w: Scratch) -> bool:
     """Whether -C is known to be a P-matrix, so that one mode follows."""
-    return like_friction(k, w) or minors_positive(k, w)
+    return like_friction(k, w) or dominant(k, w) or minors_positive(k, w)
 
 
 @kernel
@@ -335,7 +362,7 @@ def complement(i: int, k: int, w: Scratch, iw: Integers) -> bool:
         released = 0
         for c in range(k):
             # Where the classification tries all choices several may be consistent.
-            if wide and w.coupled_side[c] != 0.0 and iw.corner[c] != i and k <= ENUMERATED_THERE:
+            if wide and w.coupled_side[c] != 0.0 and iw.corner[c] != i and k <= ENUMERATED:
                 return False
             if wide and abs(w.coupled_side[c]) == 1.0:
                 w.coupled_side[c] *= RELEASED
@@ -383,20 +410,18 @@ def connect(i: int, k: int, w: Scratch, iw: Integers) -> int:
 
 
 @kernel
-def find_sides(i: int, k: int, before: float, w: Scratch, iw: Integers) -> bool:
-    """What follows where surface i is reached from the side `before`, or left where that is 0."""
-    if k <= ENUMERATED:
-        stuck = 0
-        for _ in range(k):
-            stuck = 3 * stuck + 1
-        return try_all(i, k, stuck if before == 0.0 else -1, w, iw)
-    if not like_friction(k, w):
-        return False
+def find_sides(i: int, k: int, before: float, end: float, w: Scratch, iw: Integers) -> bool:
+    """What follows where surface i is reached from the side `before`, or left at an end where that is 0."""
     for c in range(k):
         w.coupled_side[c] = 0.0
         if iw.corner[c] == i:
-            w.coupled_side[c] = RELEASED * w.coupled_sign[c] if before == 0.0 else -before
-    return complement(i, k, w, iw)
+            w.coupled_side[c] = RELEASED * end if before == 0.0 else -before
+    if one_choice(k, w) and complement(i, k, w, iw):
+        return True
+    stuck = 0
+    for _ in range(k):
+        stuck = 3 * stuck + 1
+    return k <= ENUMERATED and try_all(i, k, stuck if before == 0.0 else -1, w, iw)
 
 
 @kernel
@@ -412,9 +437,7 @@ def follow_sides(
     known = coupled_rates(t, x, p, m, w, iw, ctx) and write_corner(first, k, m, w, iw)
     if known:
         k = connect(i, k, w, iw)
-        for c in range(k):
-            w.coupled_sign[c] = end
-        known = find_sides(i, k, before, w, iw)
+        known = find_sides(i, k, before, end, w, iw)
     if not known:
         m[i] = before
         set_mode(m, iw)

@@ -4,7 +4,8 @@ A corner that is slid on can be left where another mode becomes consistent, or w
 spirals outwards; the multipliers of the slide show nothing of it. With the rates h' = F(s) of its surfaces
 there is one solution if -F is a P-function of s on the box of the signs: if every principal minor of its
 derivative is positive there (More & Rheinboldt 1973), or for F = r + C s if -C times a positive diagonal is
-symmetric and positive semidefinite (friction). Where neither shows it all modes are tried, step by step.
+symmetric and positive semidefinite (friction) or has a dominant diagonal (see
+`filippov.kernel.loop.coupled_corner`). Where none shows it all modes are tried, step by step.
 
 Sources: Gale & Nikaido 1965, Math. Annalen 159; More & Rheinboldt 1973, Linear Algebra Appl. 6; Dieci & Lopez
 2012, section 3.
@@ -76,6 +77,18 @@ def _friction(matrix: Array) -> bool:
     return bool(np.min(np.linalg.eigvalsh(product)) > -LEVEL * size)
 
 
+def _dominant(matrix: Array) -> bool:
+    """Whether the diagonal exceeds all else in each column together after scaling: an H-matrix."""
+    sizes = -np.abs(matrix)
+    np.fill_diagonal(sizes, np.diag(matrix))
+    whole = np.diag(sizes).copy()
+    for q in range(len(sizes)):
+        if not (whole[q] > 0.0 and sizes[q, q] > MINOR * whole[q]):
+            return False
+        sizes[q + 1 :, q + 1 :] -= np.outer(sizes[q + 1 :, q] / sizes[q, q], sizes[q, q + 1 :])
+    return True
+
+
 def _derivatives(point: Point, mode: Array, group: Sequence[int]) -> Array | None:
     """-dF/ds in units of its rows, where it is one for the whole box; None where that is not known."""
     k, machine = len(group), point.machine
@@ -116,7 +129,7 @@ def surely_one(point: Point, mode: Mode, group: Sequence[int]) -> bool:
     matrix = _derivatives(point, at, group)
     if matrix is None or not np.all(np.isfinite(matrix)):
         return False
-    return _friction(matrix) or (len(group) <= MOST_MINORS and _minors_positive(matrix))
+    return _friction(matrix) or _dominant(matrix) or (len(group) <= MOST_MINORS and _minors_positive(matrix))
 
 
 def _constant(point: Point, mode: Mode, group: Sequence[int]) -> bool:

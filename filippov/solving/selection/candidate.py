@@ -226,6 +226,9 @@ def leaves(
     margin, unclear = clear
     orders, faint = dict.fromkeys(free, 1), []
     g, gt = point.gradients(mode)
+    if unclear:
+        # Where all stood still before, the steps of the run are as long as the run.
+        point = _on_own_scale(point, mode, lam)
     for i in unclear:
         size = _size(point, i, g, gt)
         raw = point.machine.rate(i, g, velocity) + float(gt[i])
