@@ -76,7 +76,10 @@ def unit_constants(
         "IN_BAND": [0],
         **_reset_constants(n, surfaces, ticks),
     }
-    return own | pattern.constants(n)
+    own |= pattern.constants(n)
+    wider = any(tuple(surface.radius) != (-1, 1) for surface in surfaces)
+    own["COUPLED"] = affine and (2 if wider else 3) <= own["LARGEST"]  # type: ignore[operator]
+    return own
 
 
 def _reset_constants(n: int, surfaces: Sequence[Surface], ticks: Sequence[object]) -> dict[str, Any]:

@@ -48,12 +48,16 @@ CORE = Part(
 PARTS = (
     CORE,
     Part(
-        ("dense", "rules", "corner", "coupled_corner", "corner_event"),
+        ("dense", "rules", "corner", "corner_event"),
         (
             "solve_or_least", "slide_affine", "slide_multi_affine", "slide_moments", "slide_utkin",
             "reach_corner", "leave_corner", "take_corner", "look_at_corner",
         ),
         lambda constants: constants["M"] > 1 or constants["RULE"] != FILIPPOV,  # type: ignore[operator]
+    ),
+    Part(
+        ("coupled_corner",), ("follow_sides", "one_choice", "coupled_rates", "write_corner"),
+        lambda constants: bool(constants["COUPLED"]),
     ),
     Part(("reset",), ("apply_reset",), lambda constants: bool(constants["RESETS"])),
     Part(("ticks",), ("tick", "aim"), lambda constants: bool(constants["TICKS"])),

@@ -6,7 +6,7 @@ on each other in any way, more of them where the field is affine in their signs.
 `filippov.solving.selection.modes`.
 """
 
-from filippov.kernel.language.primitives import NAN, Vector, apart, kernel, shift_indices
+from filippov.kernel.language.primitives import NAN, Vector, apart, kernel, seldom, shift_indices
 from filippov.kernel.loop.control import finite
 from filippov.kernel.loop.corner import corner_rates, followed, one_solution, turns_out
 from filippov.kernel.loop.coupled_corner import (
@@ -23,9 +23,9 @@ from filippov.kernel.loop.event_cycle import zeno_horizon, zeno_remaining
 from filippov.kernel.loop.field import field, set_mode
 from filippov.kernel.loop.land import guard_scale
 from filippov.kernel.loop.model import (
-    AFFINE,
     COMPONENT,
     CONTACT,
+    COUPLED,
     HELD,
     RESET_FROM,
     ROLE,
@@ -76,6 +76,7 @@ def plain_surface(i: int, w: Scratch) -> bool:
     return switches_only(i) and w.radius[2 * i] == -1.0 and w.radius[2 * i + 1] == 1.0
 
 
+@seldom
 @kernel
 def reached_alone(run: Trajectory) -> bool:
     """Whether a surface that only switches is reached, off an accumulation and others but those slid on."""
@@ -96,6 +97,7 @@ def reached_alone(run: Trajectory) -> bool:
     return True
 
 
+@seldom
 @kernel
 def partner(run: Trajectory) -> int:
     """The surface slid on that forms a plain corner of two with the one reached; -1 for none."""
@@ -109,6 +111,7 @@ def partner(run: Trajectory) -> int:
     return found if found >= 0 and plain_surface(i, w) and plain_surface(found, w) else -1
 
 
+@apart
 @kernel
 def holds(run: Trajectory) -> bool:
     """Whether the multipliers of the mode chosen on a corner are clear of the ends of their sets."""
@@ -128,6 +131,7 @@ def holds(run: Trajectory) -> bool:
     return True
 
 
+@seldom
 @kernel
 def put_back(run: Trajectory) -> int:
     """NONE, with mode and multipliers as they were before the event."""
@@ -137,6 +141,7 @@ def put_back(run: Trajectory) -> int:
     return NONE
 
 
+@seldom
 @kernel
 def accept(run: Trajectory, left: int) -> int:
     """CORNER, with how often the guards of surfaces that have changed vanish: `left` times off those left."""
@@ -147,6 +152,7 @@ def accept(run: Trajectory, left: int) -> int:
     return CORNER
 
 
+@seldom
 @kernel
 def spirals(run: Trajectory) -> bool:
     """Whether exactly two surfaces of the corner decided are slid on, and a cycle round them leads away."""
@@ -174,6 +180,7 @@ def reach_pair(run: Trajectory, j: int) -> int:
     return accept(run, 1) if holds(run) else put_back(run)
 
 
+@seldom
 @kernel
 def go_to_sides(run: Trajectory, end: float) -> int:
     """CORNER with the mode after a surface reached, or left at an end of its set, and others slid on."""
@@ -194,7 +201,7 @@ def reach_corner(run: Trajectory) -> int:
     j, found = partner(run), NONE
     if j >= 0:
         found = reach_pair(run, j)
-    return go_to_sides(run, 0.0) if AFFINE and found == NONE else found
+    return go_to_sides(run, 0.0) if COUPLED and found == NONE else found
 
 
 @apart
@@ -218,13 +225,14 @@ def leave_corner(run: Trajectory) -> int:
     if abs(mult.value - w.radius[place]) > CLEAR_RATE:
         return NONE
     if not plain:
-        return go_to_sides(run, end) if AFFINE and is_wide(i, w) and w.radius[place] * end > WIDER else NONE
+        return go_to_sides(run, end) if COUPLED and is_wide(i, w) and w.radius[place] * end > WIDER else NONE
     if not only_solution(run, w.xe, first):
         return NONE
     m[i] = end
     return accept(run, 2) if holds(run) and not spirals(run) else put_back(run)
 
 
+@apart
 @kernel
 def only_solution(run: Trajectory, x: Vector, first: int) -> bool:
     """Whether one mode is known to follow on one group of the list of sliding surfaces."""
@@ -233,7 +241,7 @@ def only_solution(run: Trajectory, x: Vector, first: int) -> bool:
     if k == 2:
         code = corner_rates(t, x, p, m, iw.listed[first], iw.listed[first + 1], w, iw, ctx)
         return code == 0 and one_solution(w.corner)
-    if not AFFINE or not coupled_rates(t, x, p, m, w, iw, ctx):
+    if not COUPLED or not coupled_rates(t, x, p, m, w, iw, ctx):
         return False
     return write_corner(first, k, m, w, iw) and one_choice(k, w)
 

@@ -15,7 +15,7 @@ Sources: Leine & Nijmeijer 2004, chapter 5; Cottle, Pang & Stone 1992, sections 
 where these do not end).
 """
 
-from filippov.kernel.language.primitives import Indices, Vector, kernel
+from filippov.kernel.language.primitives import Indices, Vector, apart, kernel, seldom
 from filippov.kernel.loop.control import finite
 from filippov.kernel.loop.corner import MINOR
 from filippov.kernel.loop.dense import solve_linear
@@ -37,6 +37,7 @@ MORE_PIVOTS, TRIES = 20, 5
 RELEASED, NO_SIDE = 2.0, 3.0
 
 
+@apart
 @kernel
 def coupled_rates(t: float, x: Vector, p: Vector, m: Vector, w: Scratch, iw: Integers, ctx: Indices) -> bool:
     """The field with all sliding signs at -1, and half its changes by each; False where it is not finite."""
@@ -47,6 +48,7 @@ def coupled_rates(t: float, x: Vector, p: Vector, m: Vector, w: Scratch, iw: Int
     return finite(w.vert, N)
 
 
+@apart
 @kernel
 def write_corner(first: int, k: int, m: Vector, w: Scratch, iw: Integers) -> bool:
     """C, r and scales of the rates of one group of the list of sliding surfaces; False if not finite."""
@@ -68,6 +70,7 @@ def write_corner(first: int, k: int, m: Vector, w: Scratch, iw: Integers) -> boo
     return sound == 0.0
 
 
+@seldom
 @kernel
 def minor(chosen: int, k: int, w: Scratch) -> float:
     """The principal minor of -C whose rows are the bits of a number, in units of the largest of its rows."""
@@ -104,6 +107,7 @@ def minor(chosen: int, k: int, w: Scratch) -> float:
     return product
 
 
+@seldom
 @kernel
 def minors_positive(k: int, w: Scratch) -> bool:
     """Whether every principal minor of -C is positive, for the few surfaces for which they are computed."""
@@ -115,6 +119,7 @@ def minors_positive(k: int, w: Scratch) -> bool:
     return least > MINOR
 
 
+@seldom
 @kernel
 def balance(k: int, scale: Vector, w: Scratch) -> None:
     """The diagonal that makes C times it symmetric, as far as there is one, from one entry to the next."""
@@ -136,6 +141,7 @@ def balance(k: int, scale: Vector, w: Scratch) -> None:
                         found = True
 
 
+@apart
 @kernel
 def like_friction(k: int, w: Scratch) -> bool:
     """Whether -C times a positive diagonal is symmetric and positive definite."""
@@ -165,6 +171,7 @@ def like_friction(k: int, w: Scratch) -> bool:
     return True
 
 
+@seldom
 @kernel
 def dominant(k: int, w: Scratch) -> bool:
     """Whether a positive diagonal makes the diagonal of -C exceed the sum of all else in each column.
@@ -189,12 +196,14 @@ def dominant(k: int, w: Scratch) -> bool:
     return True
 
 
+@seldom
 @kernel
 def one_choice(k: int, w: Scratch) -> bool:
     """Whether -C is known to be a P-matrix, so that one mode follows."""
     return like_friction(k, w) or dominant(k, w) or minors_positive(k, w)
 
 
+@seldom
 @kernel
 def is_wide(i: int, w: Scratch) -> bool:
     """Whether the set at h_i = 0 is wider than [-1, 1]."""
@@ -202,6 +211,7 @@ def is_wide(i: int, w: Scratch) -> bool:
     return max(-low, high) > WIDER
 
 
+@apart
 @kernel
 def multipliers(k: int, w: Scratch, iw: Integers) -> bool:
     """The signs of a corner with these sides; False if no one multiplier fits the surfaces slid on."""
@@ -233,6 +243,7 @@ def multipliers(k: int, w: Scratch, iw: Integers) -> bool:
     return True
 
 
+@apart
 @kernel
 def rate_of(c: int, k: int, w: Scratch) -> float:
     """The rate of one surface of the corner at the signs found."""
@@ -242,6 +253,7 @@ def rate_of(c: int, k: int, w: Scratch) -> float:
     return float(rate)
 
 
+@seldom
 @kernel
 def fit(k: int, w: Scratch, iw: Integers) -> int:
     """How the sides chosen fit, with the signs found: 1 clearly, 0 where that is not clear, -1 not at all."""
@@ -261,6 +273,7 @@ def fit(k: int, w: Scratch, iw: Integers) -> int:
     return answer
 
 
+@seldom
 @kernel
 def precedes(one: int, other: int, i: int, k: int, w: Scratch, iw: Integers) -> bool:
     """Whether one choice keeps more sticking than another where sets are wider than [-1, 1].
@@ -278,6 +291,7 @@ def precedes(one: int, other: int, i: int, k: int, w: Scratch, iw: Integers) -> 
     return sticks or (fewer and not more)
 
 
+@seldom
 @kernel
 def choose_sides(choice: int, k: int, w: Scratch) -> None:
     """The sides whose digits to the base 3, less one, are those of a number."""
@@ -286,6 +300,7 @@ def choose_sides(choice: int, k: int, w: Scratch) -> None:
         choice //= 3
 
 
+@seldom
 @kernel
 def fit_of(choice: int, k: int, w: Scratch, iw: Integers) -> int:
     """How a choice fits; 0 too where its multipliers are not unique."""
@@ -293,6 +308,7 @@ def fit_of(choice: int, k: int, w: Scratch, iw: Integers) -> int:
     return fit(k, w, iw) if multipliers(k, w, iw) else 0
 
 
+@seldom
 @kernel
 def try_all(i: int, k: int, left_out: int, w: Scratch, iw: Integers) -> bool:
     """The sides of the one choice that is consistent, but for one left out; False where that is not clear."""
@@ -314,6 +330,7 @@ def try_all(i: int, k: int, left_out: int, w: Scratch, iw: Integers) -> bool:
     return True
 
 
+@seldom
 @kernel
 def right_side(c: int, k: int, i: int, w: Scratch) -> float:
     """The side that one surface should have in place of its own, NO_SIDE where that is right."""
@@ -325,6 +342,7 @@ def right_side(c: int, k: int, i: int, w: Scratch) -> float:
     return 0.0
 
 
+@seldom
 @kernel
 def pivot_sides(k: int, w: Scratch, iw: Integers) -> bool:
     """Change the sides until none is wrong: they solve the complementarity problem; False if not found."""
@@ -349,6 +367,7 @@ def pivot_sides(k: int, w: Scratch, iw: Integers) -> bool:
     return False
 
 
+@seldom
 @kernel
 def complement(i: int, k: int, w: Scratch, iw: Integers) -> bool:
     """The sides that solve the complementarity problem from those given, and clearly; False elsewhere."""
@@ -372,6 +391,7 @@ def complement(i: int, k: int, w: Scratch, iw: Integers) -> bool:
     return False
 
 
+@seldom
 @kernel
 def group_of(i: int, iw: Integers) -> int:
     """Where in the list of sliding surfaces those begin that are coupled to surface i."""
@@ -381,6 +401,7 @@ def group_of(i: int, iw: Integers) -> int:
     return first
 
 
+@seldom
 @kernel
 def connect(i: int, k: int, w: Scratch, iw: Integers) -> int:
     """Leave those in the corner that act on surface i or feel it, through others too; how many they are."""
@@ -409,6 +430,7 @@ def connect(i: int, k: int, w: Scratch, iw: Integers) -> int:
     return size
 
 
+@seldom
 @kernel
 def find_sides(i: int, k: int, before: float, end: float, w: Scratch, iw: Integers) -> bool:
     """What follows where surface i is reached from the side `before`, or left at an end where that is 0."""
@@ -424,6 +446,7 @@ def find_sides(i: int, k: int, before: float, end: float, w: Scratch, iw: Intege
     return k <= ENUMERATED and try_all(i, k, stuck if before == 0.0 else -1, w, iw)
 
 
+@seldom
 @kernel
 def follow_sides(
     t: float, x: Vector, p: Vector, m: Vector, i: int, end: float, w: Scratch, iw: Integers, ctx: Indices

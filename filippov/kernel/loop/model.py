@@ -8,7 +8,8 @@ N, M, P: numbers of states, surfaces, and parameters with what is derived from t
 ROLE[i], LINEAR[i], WIDTH[i]: what surface i is, whether its guard is linear in (t, x), and the half width of
 its hysteresis. MOVING[i]: the ends of its set of signs depend on t or x. STRAIGHT[i]: its rates on
 both sides are affine in t and x on it.
-AFFINE: the field is jointly affine in the signs. NON_LIPSCHITZ: it may contain a power of |h| with an
+AFFINE: the field is jointly affine in the signs. COUPLED: so it is, and three or more surfaces are coupled,
+or two with a set other than [-1, 1] among theirs. NON_LIPSCHITZ: it may contain a power of |h| with an
 exponent below 1; CLAMPED: such a power is 0 in stages beyond its surface. KINKED: it has kinks, of which
 guards may be made too. WIDE: it is small enough to be sampled in lanes. VECTORS: the numbers of a vector, 1
 in Python.
@@ -31,7 +32,7 @@ from filippov.kernel.tables.tableaus import DOP853, weighted
 
 N, M, P = 1, 1, 1
 AFFINE, NON_LIPSCHITZ, CLAMPED, ALL_LINEAR, WIDE, ROOTS = True, False, False, True, False, False
-KINKED = False
+KINKED, COUPLED = False, False
 VECTORS = 1
 STAGES, EXTRA, DEGREE_DENSE = 13, 3, 7
 RULE = 0
