@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from filippov import Solution, Surface, System, exp, parameters, solve, solve_many, states
+from filippov.analysis import find_orbit
 
 U, Y = states("u y")
 P = parameters(a=1.0, b=1.0, low=0.0, top=1.0)
 SPIKE = Surface("spike", P.top - U, reset={U: P.low, Y: Y + 1}, contact=False)
 NEURON = System({U: P.a * exp(P.b * U), Y: -Y}, surfaces=[SPIKE])
+SLOPE = 0.463500955
 
 
 def drawn(seed: int) -> tuple[dict[str, float], float, float]:
@@ -65,3 +67,29 @@ def test_a_solution_without_bound_ends_by_name() -> None:
     run = solve(System({U: exp(U), Y: -Y}), (0, 0), (0, 2))
     assert not run.success
     assert run.t_end == pytest.approx(1, abs=1e-6)
+
+
+UNITS = [(1, 1, 1), (1e3, 1e3, 1e9), (1e3, 1, 1e12), (1e6, 1e3, 1)]
+
+
+@pytest.mark.parametrize(("volt", "second", "ampere"), UNITS)
+def test_an_adaptive_neuron_has_its_multiplier_in_any_units(
+    volt: float, second: float, ampere: float
+) -> None:
+    # C v' = -g (v - E) + g d exp((v - V)/d) - w + I, tau w' = a (v - E) - w, cut at -20 mV; w + b there.
+    # In SI units a state of volts beside one of 1e-10 A took 0.4 % of the multiplier.
+    siemens, farad = ampere / volt, ampere * second / volt
+    v, w = states("v w")
+    C, g, a = 281e-12 * farad, 30e-9 * siemens, 4e-9 * siemens
+    E, V, d, cut = (volt * value for value in (-70.6e-3, -50.4e-3, 2e-3, -20e-3))
+    tau, b, current = 144e-3 * second, 0.0805e-9 * ampere, 1e-9 * ampere
+    spike = Surface("spike", cut - v, reset={v: E, w: w + b})
+    neuron = System(
+        {v: (-g * (v - E) + g * d * exp((v - V) / d) - w + current) / C, w: (a * (v - E) - w) / tau},
+        surfaces=[spike],
+    )
+    orbit = find_orbit(neuron, (E, 0), t_max=second)
+    # The slope of w after one spike by w after the last, by differences of scipy's DOP853 in mV, ms and nA.
+    assert orbit.period / second == pytest.approx(0.03608094961598, rel=1e-9)
+    assert orbit.multipliers[0].real == pytest.approx(SLOPE, rel=2e-7)
+    assert abs(orbit.trivial - 1) < 1e-7

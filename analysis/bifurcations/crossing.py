@@ -44,6 +44,8 @@ _MEETS = 1e-5
 _PAST = 4.0
 # The branch beyond comes from the change: the cosine of the angle between it and the way there.
 _LEADS = 0.5
+# What is told by the multipliers of an orbit: passed within steps longer than so many of the least.
+MULTIPLIERS, _SHORT = ("period doubling", "symmetry breaking", "Neimark-Sacker"), 10.0
 _CUSP = PREFIX + "cusp"
 _BORDER = "border collision"
 
@@ -75,8 +77,10 @@ class Crossings:
         if "branch point" in changed and {"symmetry breaking", "period doubling"} & set(changed):
             changed.remove("branch point")
         for name in changed:
-            located = self._meeting(a, b) if name == "branch point" else self._locate(a, name, length)
+            located = self._meeting(a, b) if name == "branch point" else self._locate(a, b, name, length)
             if located is None:
+                if name in MULTIPLIERS and step > _SHORT * self.min_step:
+                    raise NoConvergenceError(f"a {name} was passed and not found; shorter steps may find it.")
                 continue
             if not confirmed(name, located[1].point, a.corrector.problem.kind):
                 if name == "fold":
@@ -106,15 +110,18 @@ class Crossings:
             points.append(point)
         return points, b
 
-    def _locate(self, a: Along, name: str, length: float) -> tuple[float, Along] | None:
-        """Where a test function vanishes, by Brent's method along the tangent of a."""
+    def _locate(self, a: Along, b: Along, name: str, length: float) -> tuple[float, Along] | None:
+        """Where a test function vanishes between two points, by Brent's method along the tangent of a."""
         if _begins_on(a, name):
             return 0.0, a
         corrector = a.corrector
-        last: dict[float, Along] = {}
-        known: dict[float, Array] = {}
+        # The branch may bend so much that the last point is not found again from the tangent.
+        last: dict[float, Along] = {0.0: a, 1.0: b}
+        known: dict[float, Array] = {0.0: a.z, 1.0: b.z}
 
         def test(share: float) -> float:
+            if share in last:
+                return last[share].point.tests[name]
             known[share], _ = corrector.correct(_between(a, length, known, share), a.tangent)
             last[share] = corrector.along(known[share], a.tangent)
             return last[share].point.tests[name]

@@ -303,7 +303,8 @@ def _over_steps(
     x = state(times)
     s = field.multipliers(times, x, p)
     # Parameters and time do not depend on the states: only the rows of the states are unknown.
-    a = field.matrix(times, x, s, p)[:, :n].reshape(start.size, stages, n, size)
+    a, units = _balanced(field.matrix(times, x, s, p)[:, :n])
+    a = a.reshape(start.size, stages, n, size)
     # K_i = A_i (Y + step sum_j a_ij K_j): one linear system of size stages * n a step.
     scaled = -step[:, None, None, None] * a[..., :n]
     blocks = scaled[:, :, :, None, :] * _MATRIX[:, None, :, None]
@@ -312,8 +313,18 @@ def _over_steps(
     k = linalg.solve(blocks.reshape(-1, stages * n, stages * n), a.reshape(-1, stages * n, size))
     change = np.tensordot(k.reshape(-1, stages, n, size), _WEIGHTS, (1, 0))
     steps = np.tile(np.eye(size), (start.size, 1, 1))
-    steps[:, :n] += step[:, None, None] * change
+    steps[:, :n] += step[:, None, None] * change * units[:n, None] / units
     return steps
+
+
+def _balanced(a: Array) -> tuple[Array, Array]:
+    """The matrices (k, n, N) in units of the states in which they are balanced, and the units (N,), 1 for
+    what is no state. In others a pivot is taken where a unit is small, and rows lose all digits of theirs."""
+    n, units = a.shape[1], np.ones(a.shape[2])
+    known = np.isfinite(a).all(axis=(1, 2))
+    if n > 1 and known.any():
+        units[:n] = linalg.balance(np.max(np.abs(a[known][:, :, :n]), axis=0))
+    return a * units / units[:n, None], units
 
 
 def _product(steps: Array) -> Array:

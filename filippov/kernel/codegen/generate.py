@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import sympy
@@ -215,7 +215,8 @@ def _sizes(form: SymbolicForm, printer: KernelPrinter, used: set[Symbol]) -> lis
 def total_gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[Expr]]:
     """Total derivatives of each h by the states and by t, through the sizes of earlier surfaces.
 
-    |h_k| has slope 0 while the solution slides on its surface, also inside a root.
+    |h_k| has slope 0 while the solution slides on its surface, also inside a root; so has a root of states
+    where these are 0, as a distance sqrt(x**2 + y**2), whose slope is 0/0 there.
     """
     place = {q: j for j, q in enumerate((*form.x, t))}
     number = {a: k for k, a in enumerate(form.a)}
@@ -224,7 +225,7 @@ def total_gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[
         inside = h.free_symbols
         row = [sympy.S.Zero] * len(place)
         for q in inside & place.keys():
-            row[place[q]] = slope_of(h, q)
+            row[place[q]] = _ended(slope_of(h, q), place.keys())
         for k in sorted(number[a] for a in inside & number.keys()):
             slope = slope_of(h, form.a[k]) * modes[k]
             if _roots(slope, {form.a[k]}):
@@ -232,6 +233,17 @@ def total_gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[
             row = [total + slope * inner for total, inner in zip(row, rows[k], strict=True)]
         rows.append(row)
     return rows
+
+
+def _ended(slope: Expr, moving: Collection[Symbol]) -> Expr:
+    """The slope with 0 in place of what is infinite where the base of a power is 0."""
+    steep = {
+        power: Select(power.base, power, 0)
+        for power in slope.atoms(sympy.Pow)
+        if power.base.free_symbols & moving
+        and not (power.exp.is_Integer or (power.exp.is_number and power.exp >= 0))
+    }
+    return slope.xreplace(steep) if steep else slope
 
 
 def jointly_affine(form: SymbolicForm) -> bool:
