@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from sympy import Rational
 
-from filippov import Surface, System, parameters, states
+from filippov import Heaviside, Surface, System, UsageError, parameters, sign, states
 from filippov.analysis.diagrams.bifurcation import bifurcation
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.gap_roots import Samples, brackets, coordinates, fixed_point_near, roots, split
@@ -148,6 +149,36 @@ def test_13_4_a_jump_is_no_root_and_nan_is_none() -> None:
     assert not np.any(roots(gap, between, rtol=1e-14, jump=1e-3, floor=0.0).fixed)
 
 
+def stepped():
+    """R(d) = a + b d + q d^2 with two steps, and without a value for d < c."""
+    p = parameters(c=-9.0, a=0.1, b=1.0, q=0.0, r0=0.3, r1=0.6, j0=0.1, j1=0.1)
+    image = p.a + p.b * x + p.q * x**2 + p.j0 * Heaviside(x - p.r0) + p.j1 * Heaviside(x - p.r1)
+    tick = Surface("tick", z - 1, reset={x: image, z: 0 * z}, side="-")
+    return System({x: 0 * x, z: Heaviside(x - p.c)}, surfaces=[tick], parameters=p)
+
+
+STEPPED = EventMap(stepped(), SECTION)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_12_6_jumps_of_a_map_are_found_also_small_ones_and_none_is_at_0_by_itself(seed: int) -> None:
+    draw = np.random.default_rng([126, seed])
+    lo = float(draw.choice([-1.0, 0.0, 0.1]))
+    places = np.array([draw.uniform(lo + 0.02, 0.6), draw.uniform(0.65, 1.2)])
+    heights = draw.choice([-1, 1], 2) * 10.0 ** draw.uniform(-2.7, 0, 2)
+    least = float(draw.choice([-9.0, lo + 0.3 * (places[0] - lo)]))
+    given = dict(zip(("a", "b", "q"), draw.normal(size=3) * [1, 1, seed % 2], strict=True))
+    steps = {"r0": places[0], "r1": places[1], "j0": heights[0], "j1": heights[1], "c": least}
+    found = STEPPED.remake(parameters={**given, **steps}).jumps(lo, 1.3)
+    assert [jump.d for jump in found] == pytest.approx(places, abs=1e-9)
+    assert [jump.above - jump.below for jump in found] == pytest.approx(heights, abs=1e-6)
+
+
+def test_12_6_a_map_with_corners_and_a_cube_root_does_not_jump() -> None:
+    continuous = clock(lambda u, p: 1 + abs(u - 0.31) + sign(u - 0.7) * abs(u - 0.7) ** Rational(1, 3))
+    assert EventMap(continuous, SECTION).jumps(-1, 1.3) == ()
+
+
 def test_13_4_the_fixed_point_next_to_a_coordinate() -> None:
     def image(d):
         return d + (d - 0.3) * (d - 2.0)
@@ -171,3 +202,13 @@ def test_13_4_folds_and_doublings_of_a_diagram_in_closed_form() -> None:
         assert abs(fold.value) < 1e-11
         assert (doubling.value, doubling.d) == pytest.approx((1.0, a + 1.0), abs=1e-8)
         assert max(fold.residual, doubling.residual) < 1e-5
+
+
+def test_12_6_a_diagram_has_its_values_to_rounding() -> None:
+    system = clock(lambda u, p: u + p.r * (u - 0.3), r=0.1)
+    values = np.linspace(-0.3, 0.3, 7)
+    found = bifurcation(system, SECTION, parameter="r", values=values, interval=(0.1, 1), order=1)
+    assert values[4] != 0.1
+    assert [point.d for point in found.cycles(0.1)] == pytest.approx([0.3])
+    with pytest.raises(UsageError, match="has no value"):
+        found.cycles(0.15)

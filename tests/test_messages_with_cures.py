@@ -209,8 +209,8 @@ COMMANDS = {
     "report hunting": "a report is written by filippov study NAME -o DIR",
     "identify hunting d.csv": "takes DATA.csv and options, no more",
     "ensemble hunting --over P=1:2 --n -1": "--n is '-1', expected a whole number of at least 1",
-    "simulate hunting --config none.toml": "Give its path from the present folder",
-    "bank run none.json": "Give its path from the present folder",
+    "simulate hunting --config none.toml": "No such file or directory; give its path from the present folder",
+    "bank run none.json": "No such file or directory; give its path from the present folder",
 }
 FILES: dict[str, tuple[str, str, str]] = {
     "titles alone": ("t,r\n", "it has no rows of numbers", "expected lines such as 0.0,1.5"),

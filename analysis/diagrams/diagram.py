@@ -17,6 +17,9 @@ from filippov.base.arrays import Array
 from filippov.base.shown import Shown
 from filippov.plot.style import axis_label, coordinate_labels
 
+# Values of the parameter that differ by less than this part of the largest are one.
+_ROUNDING = 1e-12
+
 
 @dataclass(frozen=True)
 class Special:
@@ -127,11 +130,11 @@ class Diagram(Shown):
         return lines
 
     def cycles(self, value: float) -> list[FixedPoint]:
-        """Limit cycles at one of the values."""
-        if value not in self.values:
-            nearest = min(self.values, key=lambda known: abs(known - value))
+        """Limit cycles at one of the values, which may differ by rounding."""
+        nearest = min(self.values, key=lambda known: abs(known - value))
+        if not abs(nearest - value) <= _ROUNDING * max(map(abs, self.values)):
             raise UsageError(
                 f"the diagram has no value {value}: take one of its {len(self.values)} values; the nearest "
                 f"is {nearest}."
             )
-        return [point for point in self.points[self.values.index(value)] if point.kind == "limit cycle"]
+        return [point for point in self.points[self.values.index(nearest)] if point.kind == "limit cycle"]

@@ -42,6 +42,8 @@ _BESIDE = 1e-8
 _STILL, _ASIDE = 1e-9, 1e-2
 # Jumps below this part of the interval are none.
 _LEAST = 1e-9
+# Where a map may jump, its slope is so many times the spread of those of so many cells beside it off them.
+_BESIDES, _FARTHER = 4, 2.0
 # Parts of the width of such a set at which it is seen whether solutions beside it come nearer.
 _REACH = 1e-4
 
@@ -301,28 +303,64 @@ def equilibrium_set(event_map: ScalarMap, reach: float) -> FixedPoint:
 def jumps(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tuple[Jump, ...]:
     """Places where the map jumps: intervals where it changes more than its slopes explain, halved down."""
     d = grid(lo, hi, points)
-    value = event_map(d)
+    value = np.asarray(event_map(d))
     out: list[Jump] = []
-    if lo <= 0.0 < hi and equilibrium_slope(event_map, 1e-3 * hi).jumps:
-        above = float(event_map(1e-9 * hi))
-        out.append(Jump(0.0, -above if lo < 0 else 0.0, above))
-    rise = np.abs(np.diff(value))
-    usual = 20.0 * np.median(rise / np.diff(d))
+    at_set = lo <= 0.0 <= hi and event_map(0.0) == 0.0
+    if at_set:
+        out += _jumps_at_set(event_map, lo, hi)
     least = _LEAST * max(abs(lo), abs(hi))
-    for i in np.flatnonzero(rise > usual * np.diff(d) + least):
+    steep, slopes = _steeper(d, value, least)
+    for i in np.flatnonzero(steep):
         a, b, left, right = float(d[i]), float(d[i + 1]), float(value[i]), float(value[i + 1])
+        if at_set and a < 0.0 < b:
+            continue
+        slope, heights = float(slopes[i]), [abs(right - left)]
         for _ in range(60):
             middle = 0.5 * (a + b)
             if middle in (a, b):
                 break
             at = float(event_map(middle))
-            if abs(at - left) < abs(at - right):
+            if abs(at - left - slope * (middle - a)) < abs(right - at - slope * (b - middle)):
                 a, left = middle, at
             else:
                 b, right = middle, at
-        if abs(right - left) > _SAME * (abs(left) + abs(right)) + least:
+            heights.append(abs(right - left))
+        # A root of d - r has no slope at r either, but falls on as the interval is halved.
+        falls = heights[-1] < 0.5 * heights[-10:][0]
+        if not falls and heights[-1] > _SAME * (abs(left) + abs(right)) + least:
             out.append(Jump(0.5 * (a + b), left, right))
-    return tuple(out)
+    return tuple(sorted(out, key=lambda jump: jump.d))
+
+
+def _steeper(d: Array, value: Array, least: float) -> tuple[npt.NDArray[np.bool_], Array]:
+    """Cells of a grid in which a map changes more than its slopes there or in the cells beside them explain,
+    (k - 1,), and the slopes beside each, 0 where they are not known."""
+    width, rise = np.diff(d), np.diff(value)
+    slope = rise / width
+    size, known = slope.size, np.isfinite(slope)
+    usual = 20.0 * float(np.median(np.abs(slope[known]))) if known.any() else 0.0
+    steep = np.abs(rise) > usual * width + least
+    if size < _BESIDES + 1:
+        return steep, np.zeros(size)
+    # Of the cells next to each, those with the outermost slopes may hold jumps themselves.
+    first = np.clip(np.arange(size) - _BESIDES // 2, 0, size - _BESIDES - 1)
+    near = first[:, None] + np.arange(_BESIDES + 1)
+    others = near[near != np.arange(size)[:, None]].reshape(size, _BESIDES)
+    beside = np.sort(slope[others], axis=1)[:, 1:-1]
+    middle, spread = beside.mean(axis=1), beside[:, -1] - beside[:, 0]
+    steep |= np.abs(slope - middle) * width > _FARTHER * spread * width + least
+    return steep, np.where(np.isfinite(middle), middle, 0.0)
+
+
+def _jumps_at_set(event_map: ScalarMap, lo: float, hi: float) -> list[Jump]:
+    """The jump at an equilibrium set at 0, by the limits on the sides that [lo, hi] holds; 0 on another."""
+
+    def limit(end: float, side: float) -> float:
+        jumps_there = end != 0.0 and equilibrium_slope(event_map, 1e-3 * abs(end), side).jumps
+        return float(event_map(1e-9 * end)) if jumps_there else 0.0
+
+    below, above = limit(lo, -1.0), limit(hi, 1.0)
+    return [Jump(0.0, below, above)] if below or above else []
 
 
 def basins(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tuple[BasinInterval, ...]:

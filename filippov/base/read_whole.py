@@ -36,6 +36,12 @@ def missing(path: str | Path) -> FileNotFoundError:
     return FileNotFoundError(errno.ENOENT, said, str(path))
 
 
+def unread(error: OSError) -> str:
+    """Why a file cannot be read, and what to give in its place."""
+    cure = "" if isinstance(error, FileNotFoundError) else "; give the path of a file that can be read"
+    return (error.strerror or str(error)) + cure
+
+
 def _opened(path: str, _: int) -> int:
     try:
         handle = os.open(path, _READ)

@@ -10,7 +10,7 @@ from typing import Any
 
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
-from filippov.base.read_whole import read_json
+from filippov.base.read_whole import read_json, unread
 
 LARGEST_FILE = 1 << 26
 
@@ -75,10 +75,7 @@ def _load(path: Path) -> Any:
     try:
         return read_json(path, LARGEST_FILE)
     except OSError as error:
-        raise UsageError(
-            f"cannot read the bank {str(path)!r}: {error.strerror or error}. Give its path from the present "
-            "folder."
-        ) from None
+        raise UsageError(f"cannot read the bank {str(path)!r}: {unread(error)}.") from None
     except UsageError:
         raise
     except ValueError as error:

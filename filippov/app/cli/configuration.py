@@ -40,7 +40,7 @@ from filippov.app.cli.values import (
 )
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
-from filippov.base.read_whole import read_text
+from filippov.base.read_whole import read_text, unread
 
 LARGEST_FILE = 1 << 20
 
@@ -88,10 +88,7 @@ def read_file(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(read_text(path, LARGEST_FILE))
     except OSError as error:
-        raise UsageError(
-            f"cannot read the configuration {str(path)!r}: {error.strerror or error}. "
-            "Give its path from the present folder."
-        ) from None
+        raise UsageError(f"cannot read the configuration {str(path)!r}: {unread(error)}.") from None
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise UsageError(
             f"the configuration {str(path)!r} is not TOML: {error}. Its lines are such as rtol = 1e-9, "
