@@ -212,3 +212,17 @@ def test_12_6_a_diagram_has_its_values_to_rounding() -> None:
     assert [point.d for point in found.cycles(0.1)] == pytest.approx([0.3])
     with pytest.raises(UsageError, match="has no value"):
         found.cycles(0.15)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_12_6_a_cycle_through_the_coordinate_0_is_no_set_of_rests(seed: int) -> None:
+    draw = np.random.default_rng([128, seed])
+    slope, bend = draw.uniform(-3, 3), draw.normal()
+    given = {"a": 0.0, "b": slope, "q": bend, "j0": 0.0, "j1": 0.0}
+    lo = float(draw.choice([-1.0, 0.0, -2e-5]))
+    other = (1 - slope) / bend
+    known = sorted([(0.0, slope), *([(other, slope + 2 * bend * other)] if lo < other < 1.3 else [])])
+    found = STEPPED.remake(parameters=given).fixed_points(lo, 1.3)
+    assert [(point.d, point.slope) for point in found] == [pytest.approx(pair, abs=1e-7) for pair in known]
+    assert all(point.kind == "limit cycle" and point.period == 1 for point in found)
+    assert [point.stable for point in found] == [abs(rate) < 1 for _, rate in known]

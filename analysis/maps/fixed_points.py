@@ -131,7 +131,11 @@ def fixed_points(event_map: ScalarMap, lo: float, hi: float, points: int = 400) 
     found, d, gap = rests.on(d, fine(d) - d)
     searches = [(fine, d, gap)]
     known = any(one.apart(0.0) == 0.0 for one in found)
-    if lo <= 0.0 <= hi and not known and event_map(0.0) == 0.0:
+    at_rest = lo <= 0.0 <= hi and not known and event_map(0.0) == 0.0
+    if at_rest and not rests(0.0) and (passing := _cycle(fine, 0.0, 0.0)) is not None:
+        # A solution that comes back to 0 is a cycle like any other.
+        found.append(passing)
+    elif at_rest:
         at_set = equilibrium_set(event_map, 1e-3 * max(abs(lo), abs(hi)))
         for first in (d[d > 0][:1], d[d < 0][-1:]):
             if first.size:
