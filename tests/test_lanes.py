@@ -10,7 +10,19 @@ import scipy.linalg
 import scipy.special
 import sympy
 
-from filippov import ModelError, Status, Surface, System, UsageError, parameters, sign, solve, sqrt, states
+from filippov import (
+    ModelError,
+    Status,
+    Surface,
+    System,
+    TimeEvent,
+    UsageError,
+    parameters,
+    sign,
+    solve,
+    sqrt,
+    states,
+)
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.section import Section
 from filippov.kernel.codegen.build import widest
@@ -321,6 +333,14 @@ def test_an_event_map_in_lanes_is_the_plain_one() -> None:
     d = np.linspace(0.01, 0.5, 90)
     single = np.array([event_map(float(value)) for value in d])
     np.testing.assert_allclose(event_map(d), single, atol=1e-9)
+
+
+def test_the_name_of_a_time_event_is_told_from_that_of_a_surface() -> None:
+    x = states("x")
+    clock = TimeEvent("clock", period=0.5, reset={x: -x})
+    ends = solve_many(System({x: 1 - sign(x)}, time_events=[clock]), [[1.0], [2.0]], (0, 2))
+    with pytest.raises(UsageError, match="unknown surface 'clock'; a time event is no surface; known: x"):
+        ends.events("clock")
 
 
 def test_names_of_kinds_and_surfaces_are_checked() -> None:

@@ -327,8 +327,7 @@ class System:
 
         Raises ModelError with a suggestion if there is none.
         """
-        names = self.surface_names
-        if name in names:
+        if name in (names := self.surface_names):
             return names.index(name), 1
         if self.symbolic is not None and isinstance(name, str):
             from filippov.model.spelling import place_of
@@ -336,7 +335,8 @@ class System:
             found = place_of(self.symbolic, names, name)
             if found is not None:
                 return found
-        hint = closest(str(name), names)
+        clocks = [clock.name for clock in self.time_events]
+        hint = "a time event is no surface;" if name in clocks else closest(str(name), names)
         raise ModelError(
             f"unknown surface {name!r}; {hint + ' ' if hint else ''}known: {', '.join(names) or '(none)'}"
         )
