@@ -41,6 +41,7 @@ from filippov.analysis.maps.map_units import finer
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import refine
 from filippov.analysis.orbits.shooting import NoConvergenceError
+from filippov.analysis.orbits.time_limit import limited
 from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
@@ -264,7 +265,7 @@ class Continuation(Shown, Answering):
             if not self._resumed and not self.branch.points:
                 self.branch.points.append(current.point)
                 yield current.point
-            for point in self._march(current, way):
+            for point in limited(self._march(current, way), begun + self.max_time):
                 # Points of the second way come before those of the first.
                 if way == ways[0]:
                     self.branch.points.append(point)
@@ -274,15 +275,14 @@ class Continuation(Shown, Answering):
                 if self.stopped or self._spent(begun):
                     break
             messages += [self._message] if self._message else []
-            self.branch.message = "; ".join(messages)
             if self.stopped or self._spent(begun):
-                messages.append("stopped" if self.stopped else self._limit())
-                self.branch.message = "; ".join(messages)
+                self.branch.message = "; ".join([*messages, "stopped" if self.stopped else self._limit()])
                 return
             done.append(way)
             if self._message == _CLOSED:
                 # The other way is the same.
                 done = list(ways)
+            self.branch.message = "; ".join(messages)
             self.branch.state = {"done": done, "messages": messages}
 
     def _spent(self, begun: float) -> bool:

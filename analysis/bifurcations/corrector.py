@@ -10,6 +10,7 @@ import numpy as np
 from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.orbits.shooting import NoConvergenceError
+from filippov.analysis.orbits.time_limit import check_time
 from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, SolveError
 
@@ -114,7 +115,8 @@ class Corrector:
         return full[:-1], float(full[-1])
 
     def equations(self, z: Array, *, roughly: bool = False) -> tuple[Array, Array]:
-        """Residual and matrix by z; roughly: as Newton's method needs it."""
+        """Residual and matrix by z; roughly: as Newton's method needs it. Raises OutOfTimeError."""
+        check_time()
         found = getattr(self.problem, "roughly", self.problem.evaluate) if roughly else self.problem.evaluate
         residual, matrix = found(*self.plain(z))
         if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(matrix)):

@@ -21,6 +21,7 @@ import numpy as np
 from filippov import ModelError, Solution, SolveError, Status, System, UsageError, solve
 from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.oddness import repeats
+from filippov.analysis.orbits.time_limit import check_time, time_left
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import Period, is_forced
@@ -123,7 +124,8 @@ class Shooting:
         return replace(self, period=self.period.times(count), unit=self.unit * count)
 
     def solutions(self, u: Array, p: Array) -> list[Solution]:
-        """The solutions from the nodes. Raises SolveError where one ends early or T is not positive."""
+        """The solutions from the nodes. Raises SolveError where one ends early or T is not positive, and
+        OutOfTimeError."""
         nodes, period = self.split(u, p)
         if not period > 0 or not np.all(np.isfinite(u)):
             raise NoConvergenceError(f"the period came out as {period:.6g}.")
@@ -134,8 +136,11 @@ class Shooting:
             start = onto_surfaces(self.system, x, t, p, surfaces)
             solution = solve(
                 self.system, start, (t, end), parameters=values, rtol=self.rtol, atol=self.atol,
-                method=self.method, max_steps=MOST_STEPS, zeno="continue", nonunique="stick",
+                method=self.method, max_steps=MOST_STEPS, max_time=time_left(), zeno="continue",
+                nonunique="stick",
             )  # fmt: skip
+            if solution.status is Status.TIMEOUT:
+                check_time()
             if solution.status is not Status.SUCCESS:
                 raise SolveError(f"the solution along the orbit ended early: {solution.message}", solution)
             out.append(solution)
