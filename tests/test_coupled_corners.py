@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,9 @@ import sympy as sp
 from scipy.optimize import brentq, lsq_linear
 
 from filippov import Surface, System, parameters, sign, solve, solve_many, states, t
+from filippov.kernel.loop import coupled_corner
 from filippov.solving import loop
+from filippov.solving.selection import attraction
 from filippov.solving.selection.ambiguity import point_of
 from filippov.solving.selection.modes import successors
 from filippov.solving.state.machine import Machine
@@ -89,6 +92,32 @@ def test_14_1_corners_of_many_surfaces_are_decided_as_the_enumeration_decides() 
                 assert event.after[i] != 0 or i not in told or abs(told[i] - value) < 1e-9
             seen[len(slid) + 1] += 1
     assert min(seen.values()) >= 5, seen
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_14_1_what_tells_one_solution_is_the_same_rule_in_the_loop_and_beside_it(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(seed)
+    k = int(rng.integers(2, 7))
+    monkeypatch.setattr(coupled_corner, "SIDE", k)
+    root, scale = rng.normal(size=(k, k)), rng.uniform(0.1, 10.0, k)
+    matrix = [
+        (root @ root.T + 0.1 * np.eye(k)) / scale,
+        (k * np.eye(k) + root) * scale[:, None],
+        np.eye(k) + root - root.T,
+        np.eye(k) + 0.5 * root,
+    ][seed % 4]
+    w: Any = SimpleNamespace(
+        coupling=-matrix.ravel(), mat=np.zeros(k * k), vec=np.zeros(k), slope=np.zeros(k),
+    )  # fmt: skip
+    rows = attraction._in_rows(matrix)
+    assert coupled_corner.like_friction(k, w) == attraction._friction(rows)
+    assert coupled_corner.dominant(k, w) == attraction._dominant(rows)
+    assert coupled_corner.minors_positive(k, w) == attraction._minors_positive(rows)
+    # Where the first two tell, all minors are positive.
+    told = attraction._friction(rows) or attraction._dominant(rows)
+    assert attraction._minors_positive(rows) or not told
 
 
 def line(n: int, radius: float = 1.0, seed: int = 1) -> tuple[System, np.ndarray, np.ndarray]:
