@@ -118,7 +118,6 @@ def holds(run: Trajectory) -> bool:
     m, w, iw, corner = run.m, run.w, run.iw, COMPONENT[run.now.surface]
     set_mode(m, iw)
     for k in range(M):
-        w.kept[k] = w.mult[k].value
         if m[k] == 0.0 and COMPONENT[k] == corner:
             w.mult[k].value = 0.0
     if field(run.now.t_end, w.xe, run.p, m, w.f, w, iw, run.ctx) != 0 or not finite(w.f, N):
@@ -129,6 +128,14 @@ def holds(run: Trajectory) -> bool:
         if COMPONENT[k] == corner and not (inside > OFF_ENDS):
             return False
     return True
+
+
+@seldom
+@kernel
+def note_multipliers(run: Trajectory) -> None:
+    """Remember the multipliers before an event."""
+    for k in range(M):
+        run.w.kept[k] = run.w.mult[k].value
 
 
 @seldom
@@ -198,6 +205,7 @@ def reach_corner(run: Trajectory) -> int:
     """CORNER with the mode after a surface reached while coupled ones are slid on; NONE if not clear."""
     if not reached_alone(run):
         return NONE
+    note_multipliers(run)
     j, found = partner(run), NONE
     if j >= 0:
         found = reach_pair(run, j)
@@ -224,6 +232,7 @@ def leave_corner(run: Trajectory) -> int:
             return NONE
     if abs(mult.value - w.radius[place]) > CLEAR_RATE:
         return NONE
+    note_multipliers(run)
     if not plain:
         return go_to_sides(run, end) if COUPLED and is_wide(i, w) and w.radius[place] * end > WIDER else NONE
     if not only_solution(run, w.xe, first):

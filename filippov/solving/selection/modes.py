@@ -165,7 +165,8 @@ def _consistent(
     sizes = _projected(point, base, reached)
     left = frozenset(i for i in triggered or () if base[i] == 0)
     found = _without_doubles(found, left, sizes, radii)
-    stuck = [] if triggered is None else [i for i in reached if base[i] == 0 and i not in triggered]
+    quiet = [i for i in reached if base[i] == 0 and i not in (triggered or ()) and can_slide(point, i)]
+    stuck = [] if triggered is None else [i for i in quiet if not point.machine.contacts[i]]
     return _one_per_solution(_without_released_sticking(found, radii, stuck), sizes)
 
 
