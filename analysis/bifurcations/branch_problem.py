@@ -443,8 +443,12 @@ class OrbitProblem:
     def moved(self, u: Array, value: float) -> OrbitProblem:
         """See `BranchProblem`."""
         # The solutions do not depend on the phase condition.
-        shooting = self.shooting.at(u, self.p(value), self.solutions(u, value))
-        return changed(self, shooting=shooting, _equations=None)
+        solutions = self.solutions(u, value)
+        shooting = self.shooting.attached(u, solutions, self.p(value))
+        known = self._last if shooting.sliding == self.shooting.sliding else None
+        return changed(
+            self, shooting=shooting.at(u, self.p(value), solutions), _equations=None, _last=known
+        )
 
 
 def _told(word: str, solutions: Sequence[Solution], p: Array) -> str:

@@ -15,7 +15,7 @@ from filippov.analysis.algebra.growth import ACCURACY, Growth, by_multipliers
 from filippov.analysis.orbits.floquet import product_multipliers, return_factors, without_trivial
 from filippov.analysis.orbits.margin import Margin, margin
 from filippov.analysis.orbits.oddness import is_odd
-from filippov.analysis.orbits.shooting import Shooting
+from filippov.analysis.orbits.shooting import NoConvergenceError, Shooting
 from filippov.base.arrays import Array, Complex
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
@@ -214,7 +214,10 @@ def make_orbit(
     NotDifferentiableError, SolveError.
     """
     pieces = list(solutions or problem.solutions(u, p))
-    nodes, period = problem.split(u, p)
+    if off := problem.strays(u, pieces):
+        raise NoConvergenceError(f"the nodes {off} of the orbit have left the surfaces that they slid on.")
+    # On its surfaces: beside them by rounding, static friction beyond the slip force would let go.
+    start, period = np.array(pieces[0].problem.x0), problem.split(u, p)[1]
     system, forced = problem.system, problem.period is not None
     whole = whole_period(problem, u, p, pieces)
     factors, zeros = return_factors(pieces, problem.symmetry, problem.jacobian)
@@ -238,7 +241,7 @@ def make_orbit(
     texts = cycle_of_modes(whole)
     names = system.parameters.names
     return Orbit(
-        system, dict(zip(names, p.tolist(), strict=True)), nodes[0].copy(), problem.begin(p), period, values,
+        system, dict(zip(names, p.tolist(), strict=True)), start, problem.begin(p), period, values,
         trivial, half, word_of(texts, system), texts, low, high,
         margin(whole, problem.jacobian) if margins else Margin(),
         bool(symmetric), residual, forced, problem.rtol, problem.atol, problem.method, problem, u.copy(),

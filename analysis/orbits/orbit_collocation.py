@@ -224,7 +224,7 @@ def polished(found: Collocated) -> tuple[Shooting, Array, float]:
     u = np.concatenate(states)
     u = u if base.period is not None else np.append(u, found.period)
     try:
-        refined, left = shoot(problem, u, found.p)
+        problem, refined, left = shoot(problem, u, found.p)
     except NoConvergenceError as error:
         raise NoConvergenceError(
             f"collocation found an orbit that the exact solutions do not confirm: {error}", error.residual

@@ -160,7 +160,7 @@ def refine(
         )  # fmt: skip
     problem = replace(orbit.problem, rtol=rtol or orbit.rtol, atol=atol or orbit.atol)
     p = resolved(orbit.system, {**orbit.parameters, **(parameters or {})})
-    u, left = newton(problem, orbit.unknowns, p)
+    problem, u, left = newton(problem, orbit.unknowns, p)
     solutions = problem.solutions(u, p)
     return make_orbit(problem.at(u, p, solutions), u, p, left, solutions)
 
@@ -403,20 +403,20 @@ class _Search:
             sliding=tuple(tuple(i for i, sign in enumerate(mode) if sign == 0) for mode in modes),
         )  # fmt: skip
         u = x.ravel() if base.period is not None else np.append(x.ravel(), period)
-        u, left = newton(problem, u, self.p)
+        problem, u, left = newton(problem, u, self.p)
         if base.period is None:
             self._check(problem, u, period)
         pieces: list[Solution] | None = None
         if base.period is not None:
             problem, u, left, pieces = least(problem, u, left, self.p)
         elif count == base.symmetry_order == 1:
-            u, left = self._shortest(problem, u, left)
+            problem, u, left = self._shortest(problem, u, left)
         found = make_orbit(problem, u, self.p, left, pieces)
         if found.trivial is not None and abs(found.trivial - 1.0) > 1e-2:
             raise NoConvergenceError("Newton's method went to an equilibrium.")
         return found
 
-    def _shortest(self, problem: Shooting, u: Array, left: float) -> tuple[Array, float]:
+    def _shortest(self, problem: Shooting, u: Array, left: float) -> tuple[Shooting, Array, float]:
         """The same orbit with its least period, where it was found with a multiple of it."""
         sol = problem.solutions(u, self.p)[0].sol
         assert sol is not None
@@ -427,7 +427,7 @@ class _Search:
                     return newton(problem, np.append(u[:-1], u[-1] / count), self.p)
                 except SolveError:
                     continue
-        return u, left
+        return problem, u, left
 
     def _check(self, problem: Shooting, u: Array, guess: float) -> None:
         """An equilibrium solves the equations as well."""

@@ -39,6 +39,8 @@ _MOVED = 1e-3
 _NOISE = 1e7
 # The absolute tolerance of a state that is small beside it, in parts of rtol times its size.
 _OF_RTOL, _LEFT = 1e-2, 1e2
+# A node is off its surfaces by more than this part of the states along the orbit, next to others by less.
+_OFF, _NEXT = 1e-8, 1e-6
 
 
 class ReturnError(SolveError):
@@ -72,6 +74,8 @@ class Shooting:
     atol        one number, or one for each state
     symmetry    the matrix G (n, n), and symmetry_order the power of it that is the identity: the solution
                 lasts T/symmetry_order
+    sizes       of the states along the orbit (n,), where it is known: a node that is farther from its
+                surfaces than a small part of them is on none
     """
 
     system: System
@@ -88,6 +92,7 @@ class Shooting:
     atol: Any = 1e-13
     method: str = "DOP853"
     jacobian: Callable[..., Any] | None = None
+    sizes: Array | None = None
 
     @property
     def n(self) -> int:
@@ -133,7 +138,7 @@ class Shooting:
         out, t = [], self.begin(p)
         for x, share, surfaces in zip(nodes, self.shares, self.sliding, strict=True):
             end = t + share * period / self.symmetry_order
-            start = onto_surfaces(self.system, x, t, p, surfaces)
+            start, _ = self.placed(x, t, p, surfaces)
             solution = solve(
                 self.system, start, (t, end), parameters=values, rtol=self.rtol, atol=self.atol,
                 method=self.method, max_steps=MOST_STEPS, max_time=time_left(), zeno="continue",
@@ -146,6 +151,34 @@ class Shooting:
             out.append(solution)
             t = end
         return out
+
+    def placed(
+        self, x: Array, t: float, p: Array, surfaces: tuple[int, ...]
+    ) -> tuple[Array, tuple[int, ...]]:
+        """The state on the surfaces, and these; the state itself and none where it is not next to them."""
+        there = onto_surfaces(self.system, x, t, p, surfaces)
+        near = self.sizes is None or np.max(np.abs(there - x) / self.sizes) <= _NEXT
+        return (there, surfaces) if near else (x, ())
+
+    def strays(self, u: Array, solutions: Sequence[Solution]) -> list[int]:
+        """The nodes that are off the surfaces on which their solutions begin: these were put there, and what
+        solves the equations is no orbit."""
+        nodes = u[: self.n * len(self.shares)].reshape(-1, self.n)
+        units = _units(self, u, solutions)[0][: nodes.size].reshape(nodes.shape)
+        gaps = np.array([solution.problem.x0 for solution in solutions]) - nodes
+        return np.flatnonzero(np.max(np.abs(gaps) / units, axis=1) > _OFF).tolist()
+
+    def attached(self, u: Array, solutions: Sequence[Solution], p: Array) -> Shooting:
+        """The same with each node on the surfaces on which the solution before it ends, where it is next to
+        them, and with the sizes of now."""
+        nodes, _ = self.split(u, p)
+        known, out = replace(self, sizes=_units(self, u, solutions)[0][: self.n]), []
+        for i, solution in enumerate(solutions):
+            ends = tuple(j for j, sign in enumerate(solutions[i - 1].end_mode) if sign == 0)
+            # The first node lies on images of the surfaces on which a part of a symmetric orbit ends.
+            surfaces = ends if i or self.symmetry is None else self.sliding[0]
+            out.append(known.placed(nodes[i], solution.problem.t_span[0], p, surfaces)[1])
+        return replace(known, sliding=tuple(out))
 
     def residual(self, u: Array, solutions: Sequence[Solution], p: Array) -> Array:
         """The residual of the equations: (size,)."""
@@ -166,7 +199,9 @@ class Shooting:
             rows = slice(i * n, (i + 1) * n)
             by = derivative_by_all(solution, False, names, self.jacobian)
             # A node that is on a surface by rounding slides from there as the nodes beside it do.
-            slid = self.sliding[i] or tuple(j for j, sign in enumerate(solution.start_mode) if sign == 0)
+            node, t = u[i * n : (i + 1) * n], solution.problem.t_span[0]
+            _, slid = self.placed(node, t, p, self.sliding[i])
+            slid = slid or tuple(j for j, sign in enumerate(solution.start_mode) if sign == 0)
             out[rows, i * n : (i + 1) * n] = by[:n, :n] @ tangent(solution, slid)
             last = solution.end_mode, solution.t_end, solution.x_end
             end = velocity_at(self.system, *last, p, self.jacobian)
@@ -246,14 +281,19 @@ def tangent(solution: Solution, surfaces: tuple[int, ...]) -> Array:
 
 def newton(
     problem: Shooting, u: Array, p: Array, *, tolerance: float = 1e-11, iterations: int = 25
-) -> tuple[Array, float]:
-    """Solve the equations by damped Newton steps of least squares; returns the unknowns and what is left.
+) -> tuple[Shooting, Array, float]:
+    """Solve the equations by damped Newton steps of least squares; returns the equations, the unknowns and
+    what is left. Nodes that leave the surfaces they were on are free in what is returned.
 
     Raises NoConvergenceError, and what a solution along the orbit raises.
     """
     solutions = problem.solutions(u, p)
     left = problem.residual(u, solutions, p)
     for step_number in range(iterations + 1):
+        before, problem = problem.sliding, problem.attached(u, solutions, p)
+        if problem.sliding != before or problem.strays(u, solutions):
+            solutions = problem.solutions(u, p)
+            left = problem.residual(u, solutions, p)
         # Along the solutions of now: beside those from a guess far away any residual is small.
         columns, rows = _units(problem, u, solutions)
         size = float(np.max(np.abs(left) / rows))
@@ -280,7 +320,7 @@ def newton(
             "Give a state nearer to the orbit, more nodes, or the period.",
             over,
         )
-    return u, float(np.max(np.abs(left)))
+    return problem, u, float(np.max(np.abs(left)))
 
 
 def _units(problem: Shooting, u: Array, solutions: Sequence[Solution]) -> tuple[Array, Array]:
@@ -367,7 +407,7 @@ class _Path:
         )  # fmt: skip
         guess = np.concatenate(nodes)
         try:
-            u, left = newton(part, guess, p)
+            part, u, left = newton(part, guess, p)
             # Beside a period doubling there are two orbits, one of which has branched off the other.
             if float(np.max(np.abs(u - guess))) > self.near:
                 return None
