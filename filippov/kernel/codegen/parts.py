@@ -50,8 +50,9 @@ PARTS = (
     Part(
         ("dense", "rules", "corner", "corner_event"),
         (
-            "solve_or_least", "slide_affine", "slide_multi_affine", "slide_moments", "slide_utkin",
-            "reach_corner", "leave_corner", "take_corner", "look_at_corner",
+            "solve_linear", "solve_or_least", "sign_derivatives", "couple", "slide_affine",
+            "slide_multi_affine", "slide_moments", "slide_utkin", "reach_corner", "leave_corner",
+            "take_corner", "look_at_corner",
         ),
         lambda constants: constants["M"] > 1 or constants["RULE"] != FILIPPOV,  # type: ignore[operator]
     ),
