@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from filippov.base.arrays import Array
 from filippov.kernel.loop.corner import MINOR, ONE_SOLUTION
+from filippov.kernel.loop.coupled_corner import MOST_MINORS
 from filippov.kernel.tables import codes
 from filippov.solving.selection.ambiguity import point_of, spirals_out
 from filippov.solving.selection.corner import coupling
@@ -34,7 +35,7 @@ from filippov.solving.state.run import Run
 # What `Attraction.advance` returns where the corner stops being the only solution.
 LOST = 100
 FLAT, LEVEL = 1e-9, 1e-12
-MOST_VERTICES, MOST_MINORS = 4, 8
+MOST_VERTICES = 4
 # How much of a step that ends in an event is looked at; how closely a loss is located, in times of the run.
 INSIDE, CLOSE = 0.999, 1e-13
 BISECTIONS = 60

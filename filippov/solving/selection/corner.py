@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from filippov.base.arrays import Array
 from filippov.base.errors import ModelError
+from filippov.kernel.loop.coupled_corner import ENUMERATED, WIDER
 from filippov.solving.selection.candidate import (
     OPEN,
     clear_rates,
@@ -29,7 +30,6 @@ from filippov.solving.selection.complementarity import complementarity
 from filippov.solving.state.events import Mode
 from filippov.solving.state.point import Point
 
-ENUMERATED = 6
 MOST_NONAFFINE = 8
 # Singular values, in units of the rows, that are rounding; how many trial steps ahead ends are looked for.
 REDUNDANT, AHEAD = 1e-10, (1e-3, 1.0, 1e3)
@@ -188,8 +188,8 @@ def _settled(point: Point, mode: Array, moving: Sequence[int], radii: Array) -> 
         for _, z2, signs2 in _held(later, r2, C2, moving, radii, np.zeros(len(moving))):
             if np.array_equal(signs2[signs != 0.0], signs[signs != 0.0]):
                 low, high = radii[list(moving)].T
-                ends = np.where((z2 >= high) & (high <= 1 + 1e-12), 1.0, 0.0)
-                ends -= np.where((z2 <= low) & (low >= -1 - 1e-12), 1.0, 0.0)
+                ends = np.where((z2 >= high) & (high <= WIDER), 1.0, 0.0)
+                ends -= np.where((z2 <= low) & (low >= -WIDER), 1.0, 0.0)
                 # A wall at which others hold the solution may carry some of the load, or none.
                 held = [np.where(rests, 0.0, ends), ends] if np.any(rests) else [ends]
                 found.extend(np.where(signs2 != 0.0, signs2, z) for z in held)
@@ -247,7 +247,7 @@ def _solutions(point: Point, mode: Array, moving: Sequence[int], radii: Array) -
         released, rounds = waiting.pop()
         for held, _, signs in _held(point, r, C, moving, radii, released):
             sides = signs[held]
-            wide = np.any((sides > 0) & (high[held] > 1 + 1e-12) | (sides < 0) & (low[held] < -1 - 1e-12))
+            wide = np.any((sides > 0) & (high[held] > WIDER) | (sides < 0) & (low[held] < -WIDER))
             if wide and rounds <= len(moving):
                 waiting.append((signs, rounds + 1))
             else:

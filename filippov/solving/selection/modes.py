@@ -21,6 +21,7 @@ import numpy as np
 
 from filippov.base.arrays import Array
 from filippov.base.status import mode_text
+from filippov.kernel.loop.coupled_corner import ENUMERATED, WIDER
 from filippov.solving.selection.candidate import (
     ROUNDING,
     at_rest,
@@ -32,7 +33,7 @@ from filippov.solving.selection.candidate import (
     unfixed,
 )
 from filippov.solving.selection.continuous import continuous_mode
-from filippov.solving.selection.corner import ENUMERATED, can_slide, choices, corners, coupling, with_signs
+from filippov.solving.selection.corner import can_slide, choices, corners, coupling, with_signs
 from filippov.solving.state.events import Mode
 from filippov.solving.state.point import Point
 
@@ -165,8 +166,8 @@ def _consistent(
     sizes = _projected(point, base, reached)
     left = frozenset(i for i in triggered or () if base[i] == 0)
     found = _without_doubles(found, left, sizes, radii)
-    quiet = [i for i in reached if base[i] == 0 and i not in (triggered or ()) and can_slide(point, i)]
-    stuck = [] if triggered is None else [i for i in quiet if not point.machine.contacts[i]]
+    stuck = [i for i in reached if base[i] == 0 and can_slide(point, i) and not point.machine.contacts[i]]
+    stuck = [] if triggered is None else [i for i in stuck if i not in triggered]
     return _one_per_solution(_without_released_sticking(found, radii, stuck), sizes)
 
 
@@ -371,7 +372,7 @@ def _without_released_sticking(
     """
 
     def wide(i: int) -> bool:
-        return bool(max(-radii[i, 0], radii[i, 1]) > 1 + 1e-12)
+        return bool(max(-radii[i, 0], radii[i, 1]) > WIDER)
 
     def precedes(b: Successor, a: Successor) -> bool:
         mine, other = ({i for i in stuck if wide(i) and c.mode[i] != 0} for c in (b, a))
