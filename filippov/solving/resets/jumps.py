@@ -14,7 +14,6 @@ Sources: Brogliato 2016, sections 5.4 and 6.2 (multiple impacts); Glocker 2001, 
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,6 +23,7 @@ import numpy as np
 from filippov.base.arrays import Array
 from filippov.base.status import Status
 from filippov.kernel.loop.limit import KEPT
+from filippov.solving.resets.commuting import SAME, composed
 from filippov.solving.resets.impact_law import generalised_newton, hold, too_close, unresolved
 from filippov.solving.selection.ambiguity import guard_rows_of, point_of
 from filippov.solving.state.leading import Terms, leading_term
@@ -37,9 +37,7 @@ LONGEST_CHAIN, MOST_STATES, MOST_AT_REST = 4096, 500, 8
 # A chain that fades comes to an end: so many impacts at most, where speeds are so much smaller.
 LATEST, FADED = 4 * LONGEST_CHAIN, 1e-3
 ACCUMULATES = "accumulation"
-SAME = 1e-9
 LATER = 8
-MOST_TOGETHER = 6
 # Steps towards the sides of several surfaces at once: one may lead behind another.
 PUSHES = 8
 
@@ -285,7 +283,7 @@ def _following(run: Run, state: _State, simultaneous: str) -> list[_State] | str
         law = generalised_newton(run, state.x, state.mode, state.rates, state.due)
         if law is not None:
             return law if isinstance(law, str) else [_next(run, state, law, state.due)]
-    together = _composed(run, state, state.due)
+    together = composed(run, state.x, state.size, state.mode, state.due)
     if together is not None:
         return [_next(run, state, together, state.due)]
     if close := too_close(run, state.x, state.mode, state.rates, state.due):
@@ -295,7 +293,7 @@ def _following(run: Run, state: _State, simultaneous: str) -> list[_State] | str
     if simultaneous != "sequential" or clocks:
         return None
     first = _fastest(run, state)
-    together = _composed(run, state, first)
+    together = composed(run, state.x, state.size, state.mode, first)
     if together is not None:
         return [_next(run, state, together, first)]
     return [_next(run, state, run.machine.reset(i, run.t, state.x, state.mode), [i]) for i in first]
@@ -319,23 +317,6 @@ def _fastest(run: Run, state: _State) -> list[int]:
     speeds = _speeds(run, state)
     most = max(speeds.values())
     return [i for i in state.due if speeds[i] >= most * (1.0 - SAME)]
-
-
-def _composed(run: Run, state: _State, due: Sequence[int]) -> Array | None:
-    """The state after all the resets, None where it depends on their order."""
-    after: Array | None = None
-    scale = state.size + run.atol
-    orders = itertools.permutations(due) if len(due) <= MOST_TOGETHER else (due, due[::-1])
-    for order in orders:
-        x = state.x
-        for i in order:
-            x = run.machine.reset(i, run.t, x, state.mode)
-            scale = np.fmax(scale, np.abs(x))
-        if after is None:
-            after = x
-        elif np.any(np.abs(x - after) > SAME * scale):
-            return None
-    return after
 
 
 def _next(run: Run, state: _State, x: Array, applied: Sequence[int]) -> _State:
