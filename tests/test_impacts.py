@@ -414,3 +414,19 @@ def test_11_6_roots_closer_than_rounding_are_all_found_or_named() -> None:
         else:
             assert run.t_events[0] == pytest.approx([1], abs=1e-9)
             assert "not resolved" in run.events[-1].note
+
+
+def test_11_6_a_root_of_a_plain_function_is_near_or_refused() -> None:
+    """Three or five roots in one place of functions that are differenced: Newton's steps to them may stop."""
+    y, v = states("y v")
+    line, eps, rng = System({y: 1 + 0 * y, v: 0 * y}), float(np.finfo(float).eps), np.random.default_rng(1)
+    for _ in range(60):
+        count, apart, size = int(rng.choice([3, 5])), 10 ** rng.uniform(0, 5), 10 ** rng.uniform(-6, 6)
+        places = [float(rng.uniform(0.3, 1.7))] * count + eps * apart * np.arange(count)
+        h = lambda t, x: size * math.prod(float(x[0]) - q for q in places)  # noqa: B023, E731
+        try:
+            found = solve(line, (0, 0), (0, 2), events=[h]).t_events[0]
+        except ModelError as error:
+            assert "factors apart" in str(error)  # noqa: PT017 - it may be found as well
+        else:
+            assert found == pytest.approx([places[0]], abs=1e-9)

@@ -51,6 +51,8 @@ def near_within(run: Run, x: Array, slack: Array, mode: Array) -> list[int]:
 
 # Roots of a function that lie in one place, at most: their time is known to a power of rounding.
 MOST_MULTIPLE = 3
+# How closely the root of a function is to be known, relative to the time.
+NEAR_ROOT = 1e-9
 
 
 class Run:
@@ -271,14 +273,26 @@ class Run:
         # A function may be a difference of terms of this size, of which nothing but rounding is left.
         rounding = 64 * np.finfo(float).eps * (1.0 + np.max(np.abs(x), initial=0.0) + abs(t))
         known = 1e-6 * float(np.abs(g[i]) @ reach + abs(gt[i] * t)) + machine.widths[i] + late
-        # A multiple root is known far worse than rounding.
-        multiple = machine.roles[i] == "observer" and int(self.order[i]) > MOST_MULTIPLE
-        if multiple or residual > known + min(rounding, 16 * scatter(machine, t, x, self.mode, i)):
+        spread = 16 * scatter(machine, t, x, self.mode, i)
+        # A multiple root is known far worse than rounding, and Newton's steps to it stop on the way.
+        multiple = machine.roles[i] == "observer" and (
+            int(self.order[i]) > MOST_MULTIPLE or (residual > spread and not self._passes(t, i, x, velocity))
+        )
+        if multiple or residual > known + min(rounding, spread):
             raise ModelError(
                 f"surface {machine.surfaces[i].name!r}: h changes its sign at t = {t:.9g} without being 0 "
                 f"there (|h| = {residual:.3g}). h must be continuous: give the function whose zero is the "
                 "surface, or declare a time event. Where roots lie in one place, give the factors apart."
             )
+
+    def _passes(self, t: float, i: int, x: Array, velocity: Array) -> bool:
+        """Whether h_i changes its sign as close to an event as that is to be known."""
+        reach = NEAR_ROOT * max(abs(t), abs(t - float(self.clock.t_start)))
+        sides = [
+            self.machine.guards(t + off, x + off * velocity, self.mode)[i]
+            for off in (-reach, reach)
+        ]
+        return bool(sides[0] * sides[1] <= 0.0)
 
     def add_event(
         self, t: float, index: int, kind: EventKind, before: Mode, after: Mode, x: Array, multiplier: float,
