@@ -478,7 +478,7 @@ class _Loop(Settling):
             if root and run.machine.callbacks is not None and not (jump.by or jump.clocks):
                 run.check_root(run.t, i, jump.x.copy(), float(residual[i]), before)
             run.add_event(
-                run.t, i, kind, before, after, jump.x.copy(), multiplier, float(residual[i]),
+                run.t, i, kind, jump.since or before, after, jump.x.copy(), multiplier, float(residual[i]),
                 AT_KNOT if caused else JUMPED_OVER if over else note, together,
                 run.x.copy() if jump.by else None,
             )  # fmt: skip

@@ -86,11 +86,9 @@ class Settling(ABC):
 
     def _changed(
         self, before: Mode, after: Mode, multipliers: Array, triggered: Sequence[int], note: str,
-        together: bool = False,
     ) -> Ended:  # fmt: skip
-        """Record a change of mode that has been taken up; together: in the set of the event before."""
-        jump = Jump(before, self.run.x.copy(), together=together)
-        return self._record(after, multipliers, triggered, note, jump)
+        """Record a change of mode that has been taken up."""
+        return self._record(after, multipliers, triggered, note, Jump(before, self.run.x.copy()))
 
     def _near(self, roots: Sequence[int] = ()) -> list[int]:
         """Surfaces that the present point lies on, to rounding; `roots`: those that it was led to."""
@@ -227,8 +225,11 @@ class Settling(ABC):
         seen = [i for i in seen if before[i] == first[i]]
         if ended is not None or not seen:
             return ended
-        observe(run, seen, arrived=True)
-        return self._changed(before, run.signs, run.lam, seen, "", together=bool(others))
+        seen = observe(run, seen, first)
+        if not seen:
+            return None
+        jump = Jump(before, run.x.copy(), together=bool(others), since=first)
+        return self._record(run.signs, run.lam, seen, "", jump)
 
     def _arrived(self) -> bool:
         """Whether a solution that no step leads on has arrived where sliding of higher order begins."""

@@ -24,7 +24,7 @@ from filippov.kernel.codegen.hoist import Hoisted
 from filippov.kernel.codegen.input_slots import input_text, places
 from filippov.kernel.codegen.pieces import pieces
 from filippov.kernel.codegen.repeated import Repeated, repeated
-from filippov.kernel.codegen.structure import Structure
+from filippov.kernel.codegen.structure import Structure, same_as
 from filippov.model.signals.input import Sampled
 from filippov.model.size import expanded
 from filippov.model.surface import Surface
@@ -405,7 +405,7 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
         moving=[any(e.free_symbols & varying for e in ends) for ends in form.radius],
         straight=straight_rates(form, plain_rows, linear, varying),
         wide=inlined and m > 0 and not form.inputs, held=form.held, ticks=form.time_reset,
-        roots=rooted(form),
+        roots=rooted(form), same_as=same_as(form.h, surfaces),
     )  # fmt: skip
     return Generated("\n".join(lines), constants)
 

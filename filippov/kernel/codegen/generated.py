@@ -48,6 +48,7 @@ def unit_constants(
     clamped: bool = True,
     ticks: Sequence[object] = (),
     roots: Sequence[bool] = (),
+    same_as: Sequence[int] = (),
 ) -> dict[str, Constant]:
     """The constants of `filippov.kernel.loop.model` that belong to the system.
 
@@ -71,6 +72,8 @@ def unit_constants(
         "ROOTS": any(roots),
         "ROOTED": [int(flag) for flag in roots] or [0] * max(len(surfaces), 1),
         "HELD": [int(flag) for flag in held] or [0] * max(len(surfaces), 1),
+        "SAME_AS": list(same_as) or [0] * max(len(surfaces), 1),
+        "OBSERVED": any(same_as),
         # Of an implicit method `newton_band` may find another order.
         "BAND": 0,
         "IN_BAND": [0],

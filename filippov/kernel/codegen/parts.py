@@ -60,6 +60,10 @@ PARTS = (
         ("coupled_corner",), ("follow_sides", "one_choice", "coupled_rates", "write_corner"),
         lambda constants: bool(constants["COUPLED"]),
     ),
+    Part(
+        ("simultaneous",), ("set_observers_apart", "decide_each", "all_changed", "take_observers"),
+        lambda constants: constants["M"] > 1,  # type: ignore[operator]
+    ),
     Part(("reset",), ("apply_reset",), lambda constants: bool(constants["RESETS"])),
     Part(("ticks",), ("tick", "aim"), lambda constants: bool(constants["TICKS"])),
     Part(("limit", "ensemble"), (), asked=True),

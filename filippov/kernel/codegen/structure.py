@@ -9,9 +9,13 @@ of a colour (Curtis, Powell & Reid 1974, J. Inst. Maths Applics 13).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from sympy import Expr
+
 from filippov.kernel.language.unit import Constant
+from filippov.model.surface import Surface
 
 
 @dataclass(frozen=True)
@@ -102,3 +106,21 @@ class Structure:
             "LARGEST": max(sizes, default=1) or 1,
         }
 
+
+
+def same_as(h: Sequence[Expr], surfaces: Sequence[Surface]) -> list[int]:
+    """Of every observer k + 1 where it has the function of surface k, -k - 1 with the other sign, else 0.
+
+    Functions are the same but for a factor that is a number; of several surfaces it is the first.
+    """
+    if all(surface.kind != "observer" for surface in surfaces):
+        return [0] * len(surfaces)
+    primitive = [function.as_content_primitive()[1] for function in h]
+    found: dict[Expr, int] = {}
+    for k, surface in enumerate(surfaces):
+        if surface.kind != "observer" and h[k].free_symbols:
+            found.setdefault(primitive[k], k + 1)
+    return [
+        found.get(primitive[i], -found.get(-primitive[i], 0)) if surface.kind == "observer" else 0
+        for i, surface in enumerate(surfaces)
+    ]

@@ -8,6 +8,7 @@ from filippov.kernel.loop.field import field
 from filippov.kernel.loop.model import (
     COMPONENT,
     LINEAR,
+    OBSERVED,
     RESET_FROM,
     RESETS,
     ROLE,
@@ -26,6 +27,12 @@ from filippov.kernel.loop.resolve import (
     touch_or_root,
 )
 from filippov.kernel.loop.roots.locate import BOUND_TOLERANCE
+from filippov.kernel.loop.simultaneous import (
+    all_changed,
+    decide_each,
+    set_observers_apart,
+    take_observers,
+)
 from filippov.kernel.loop.state import Trajectory
 from filippov.kernel.tables.codes import (
     AGAIN,
@@ -117,10 +124,18 @@ def decide(run: Trajectory) -> int:
         now.cause = touch_or_root(surface, te - t, m, w)
     run.count.surface, run.count.cause = surface, now.cause
     triggered = mark_triggers(te, xe, m, run.order, now.cause, surface, now.step, run.trigger, w)
+    now.observers = 0
+    if OBSERVED:
+        triggered = set_observers_apart(run, triggered)
+        surface = now.surface
     now.multiplier = w.mult[surface].value if m[surface] == 0.0 else NAN
     kind = NONE
     if failed == 0 and triggered == 1:
         kind = kind_of(run)
+    elif failed == 0 and M > 1:
+        kind = decide_each(run)
+    if now.observers > 0 and kind > NONE and not all_changed(run):
+        kind = NONE
     if kind == -1:
         return USER_ERROR
     run.clock.t = te
@@ -128,7 +143,8 @@ def decide(run: Trajectory) -> int:
         run.x[j] = xe[j]
     if kind == NONE:
         return leave_it(run)
-    return take_corner(run) if kind == CORNER else take(run, kind)
+    code = take_corner(run) if kind == CORNER else take(run, kind)
+    return take_observers(run, code) if now.observers > 0 and code != STOPPED else code
 
 
 @inline

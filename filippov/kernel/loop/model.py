@@ -17,7 +17,8 @@ ROOTED[i]: guard i may contain such a power too, and is infinitely steep where i
 RESET_FROM[i]: the side from which surface i resets the state, 2 for both, 0 for none; CONTACT[i]: the side on
 which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are any; TICKS: whether there are
 time events. EVENT_SIZE: doubles of an event. HELD[i]: guard i is a derivative of h_i, and only the
-classification of corners leaves it.
+classification of corners leaves it. SAME_AS[i]: where i is an observer, k + 1 if its function is h_k times a
+positive number, -k - 1 if times a negative one, 0 if neither; OBSERVED: whether one is.
 RULE: the rule of sliding, see `rules`. ORDER: the power of the step with which the error estimate scales.
 IMPLICIT: the stages are solved for. SERIES: they are the coefficients of a series (see `taylor`).
 PER_NODE: 1 / theta of every main stage.
@@ -51,6 +52,7 @@ RESET_FROM: list[int] = [0]
 CONTACT: list[int] = [0]
 HELD: list[int] = [0]
 RESETS, CONTACTS, TICKS, EVENT_SIZE = False, False, False, 4
+OBSERVED, SAME_AS = False, [0]
 PER_NODE: list[float] = [1.0, *[1.0 / node for node in DOP853.main_nodes], 1.0]
 DENSE: list[float] = [value for row in DOP853.dense for value in row]
 PER_POWER: list[float] = [1.0]

@@ -372,6 +372,8 @@ class Attempt(Struct):
     kept: int
     cause: int
     surface: int
+    # At the event under way: observers that follow the surface that they observe (see `simultaneous`).
+    observers: int
     # A segment is to be opened; steps left.
     renew: int
     steps_left: int

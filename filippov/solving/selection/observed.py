@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from filippov.base.arrays import Array
 from filippov.kernel.tables import codes
 from filippov.kernel.tables.root_tables import DEGREE
 from filippov.solving.selection.ambiguity import point_of
+from filippov.solving.state.events import Mode
 from filippov.solving.state.leading import SHALLOW, SHORTER, TRIALS
 from filippov.solving.state.point import Point
 from filippov.solving.state.run import Run
@@ -23,19 +26,24 @@ def watched(run: Run, surfaces: Sequence[int]) -> list[int]:
     return [i for i in surfaces if roles[i] == "observer"]
 
 
-def observe(run: Run, surfaces: Sequence[int], arrived: bool = False) -> None:
+def observe(run: Run, surfaces: Sequence[int], since: Mode | None = None) -> list[int]:
     """Give observers that the state is on the sign that h takes along the mode that the run is in.
 
     h = c tau**k from here on, of the shortest two trial steps over which it stands out of rounding and grows.
-    One that does not leave 0 keeps its sign, or has the other one where it has just arrived: it is reached.
+    One that does not leave 0 keeps its sign. After the mode `since` it has the other one where it has just
+    arrived, and those are returned that are reached: not one that was on 0 before, and stays there.
     """
     if not surfaces:
-        return
-    point = point_of(run)
+        return []
+    point, reached = point_of(run), []
     for i in surfaces:
         sign, order = _side(point, run.mode.copy(), i)
-        stays = arrived and sign == 0 and run.trigger[i] == codes.ROOT
-        run.mode[i], run.order[i] = sign or (-run.mode[i] if stays else run.mode[i]), order
+        stayed = since is not None and sign == 0 and _side(point, np.array(since, float), i)[0] == 0
+        arrived = since is not None and sign == 0 and not stayed and run.trigger[i] == codes.ROOT
+        run.mode[i], run.order[i] = sign or (-run.mode[i] if arrived else run.mode[i]), order
+        if not stayed:
+            reached.append(i)
+    return reached
 
 
 def _side(point: Point, mode: Array, i: int) -> tuple[int, int]:

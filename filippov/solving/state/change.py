@@ -15,6 +15,7 @@ class Jump:
 
     together: they belong to the set of the event before.
     knot: the surfaces that the state was on before a knot of an input; None where there is no knot.
+    since: the mode before the first of the set, where that is another one.
     """
 
     before: Mode
@@ -23,6 +24,7 @@ class Jump:
     clocks: tuple[int, ...] = ()
     together: bool = False
     knot: tuple[int, ...] | None = None
+    since: Mode | None = None
 
 
 def change_of(before: int, after: int, reached: bool) -> EventKind | None:
