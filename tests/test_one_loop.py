@@ -115,7 +115,7 @@ def test_14_4_a_system_is_linked_with_the_parts_that_it_needs() -> None:
 
     core = CORE.files[0]
     assert parts(smooth()) == parts(relay()) == {core}
-    assert parts(coupled()) == {core, "dense"}
+    assert parts(coupled()) == {core, "dense", "simultaneous"}
     assert parts(ball()) == {core, "reset"}
     assert parts(clocked()) == {core, "ticks"}
     assert parts(relay(), "utkin") == {core, "dense"}

@@ -35,7 +35,7 @@ from filippov.solving.selection.modes import Successor
 from filippov.solving.selection.observed import observe, watched
 from filippov.solving.settling import Settling
 from filippov.solving.solution import Solution
-from filippov.solving.state.change import Jump, change_of
+from filippov.solving.state.change import Jump, change_of, passed_to
 from filippov.solving.state.clocks import Clocks
 from filippov.solving.state.events import Event, Mode
 from filippov.solving.state.knot import goes_on
@@ -464,6 +464,9 @@ class _Loop(Settling):
         residual, _ = run.scales()
         for i in range(run.machine.m):
             kind = EventKind.RESET if i in jump.by else change_of(before[i], after[i], i in triggered)
+            then = after
+            if jump.by and kind is EventKind.GRAZING and run.reaches(i):
+                kind, then = EventKind.CROSSING, passed_to(after, i)
             if kind is None:
                 continue
             multiplier = float(multipliers[i]) if after[i] == 0 else float("nan")
@@ -478,7 +481,7 @@ class _Loop(Settling):
             if root and run.machine.callbacks is not None and not (jump.by or jump.clocks):
                 run.check_root(run.t, i, jump.x.copy(), float(residual[i]), before)
             run.add_event(
-                run.t, i, kind, jump.since or before, after, jump.x.copy(), multiplier, float(residual[i]),
+                run.t, i, kind, jump.since or before, then, jump.x.copy(), multiplier, float(residual[i]),
                 AT_KNOT if caused else JUMPED_OVER if over else note, together,
                 run.x.copy() if jump.by else None,
             )  # fmt: skip

@@ -42,7 +42,7 @@ CORE = Part(
     ),
     (
         "field", "set_mode", "project", "side_rates", "record_event", "count_down", "zeno_remaining",
-        "cycle_limit", "on_one_surface", "begin", "advance", "take", "project_on",
+        "cycle_limit", "on_one_surface", "begin", "advance", "take", "project_on", "faint", "resolve_root",
     ),
 )  # fmt: skip
 PARTS = (
@@ -61,7 +61,9 @@ PARTS = (
         lambda constants: bool(constants["COUPLED"]),
     ),
     Part(
-        ("simultaneous",), ("set_observers_apart", "decide_each", "all_changed", "take_observers"),
+        ("simultaneous",), (
+            "set_observers_apart", "decide_each", "all_changed", "record_reset", "take_observers",
+        ),
         lambda constants: constants["M"] > 1,  # type: ignore[operator]
     ),
     Part(("reset",), ("apply_reset",), lambda constants: bool(constants["RESETS"])),

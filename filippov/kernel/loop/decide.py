@@ -30,6 +30,7 @@ from filippov.kernel.loop.roots.locate import BOUND_TOLERANCE
 from filippov.kernel.loop.simultaneous import (
     all_changed,
     decide_each,
+    record_reset,
     set_observers_apart,
     take_observers,
 )
@@ -134,7 +135,7 @@ def decide(run: Trajectory) -> int:
         kind = kind_of(run)
     elif failed == 0 and M > 1:
         kind = decide_each(run)
-    if now.observers > 0 and kind > NONE and not all_changed(run):
+    if now.observers > 0 and kind > NONE and kind != RESET and not all_changed(run):
         kind = NONE
     if kind == -1:
         return USER_ERROR
@@ -144,7 +145,7 @@ def decide(run: Trajectory) -> int:
     if kind == NONE:
         return leave_it(run)
     code = take_corner(run) if kind == CORNER else take(run, kind)
-    return take_observers(run, code) if now.observers > 0 and code != STOPPED else code
+    return take_observers(run, code) if now.observers > 0 and kind != RESET and code != STOPPED else code
 
 
 @inline
@@ -162,7 +163,11 @@ def take(run: Trajectory, kind: int) -> int:
     if m[surface] == 0.0:
         now.multiplier = w.mult[surface].value
         run.zeno[surface].widest = 0.0
-    record_event(run, kind)
+    ended = -1
+    if M > 1 and RESETS and kind == RESET:
+        ended = record_reset(run)
+    else:
+        record_event(run, kind)
     if kind == RESET:
         for j in range(N):
             x[j] = w.jump[j]
@@ -178,6 +183,9 @@ def take(run: Trajectory, kind: int) -> int:
         clock.fast_span, clock.fast_from = abs(te - clock.fast_from), te
     clock.relative = min(clock.relative, 0.0)
     if count_down(shift_indices(run.stop, STOPS * surface), kind) != 0:
+        return STOPPED
+    if ended >= 0:
+        run.count.surface = ended
         return STOPPED
     if ROLE[surface] != OBSERVER and kind != GRAZING:
         cycles = run.zeno[surface]

@@ -14,6 +14,7 @@ from filippov.kernel.loop.model import (
     CONTACT,
     EVENT_SIZE,
     HELD,
+    RESETS,
     ROLE,
     TICKS,
     WIDTH,
@@ -107,7 +108,7 @@ def count_events(run: Trajectory) -> None:
         surface, kind = marks[q * (3 + 2 * M)], marks[q * (3 + 2 * M) + 1]
         if run.past.room > 0:
             remember(run.past, run.events[q * EVENT_SIZE], surface, kind == GRAZING)
-        if TICKS and kind >= KINDS:
+        if (TICKS or RESETS) and kind >= KINDS:
             if surface >= M:
                 continue
             kind = CROSSING_UP if kind == OVER_UP else CROSSING_DOWN

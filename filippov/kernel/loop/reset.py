@@ -1,9 +1,10 @@
 """Resets x+ = r(t, x, p) at a surface reached from an active side: simple ones, decided in the loop.
 
-Simple: one surface, nothing slides, and after the jump every other h is clearly nonzero with its sign
-unchanged. The direction from x+ follows from h there and, on the surface itself, from its rate: back to the
-side it came from, through, or, with a vanishing rate, into a resting contact; where the field jumps there,
-from the rates on both sides. All else is left to the classification.
+Simple: one surface, nothing slides, and after the jump every other h, but of observers of the surface, is
+clearly nonzero; where it leads over a surface without a reset, the sign of that changes. The direction from
+x+ follows from h there and, on the surface itself, from its rate: back to the side it came from, through, or,
+with a vanishing rate, into a resting contact; where the field jumps there, from the rates on both sides. All
+else is left to the classification.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel
@@ -14,6 +15,7 @@ from filippov.kernel.loop.model import (
     CONTACT,
     RESET_FROM,
     ROLE,
+    SAME_AS,
     WIDTH,
     M,
     N,
@@ -88,13 +90,33 @@ def goes_off(
 
 
 @kernel
-def apply_reset(
+def lands(
+    t: float, y: Vector, p: Vector, m: Vector, i: int, w: Scratch, ctx: Indices
+) -> int:
+    """0 where the signs after the reset of surface i are clear, and in m: its own is left. Else 1, or -1."""
+    for attempt in range(2):
+        if guards(t, y, p, m, w.h, ctx) != 0 or gradients(t, y, p, m, w.g, w.gt, ctx) != 0:
+            return -1
+        over = False
+        for j in range(M):
+            value, near = m[j] * w.h[j], noise(j, t, y, w)
+            if j == i or abs(SAME_AS[j]) == i + 1 or value + WIDTH[j] > near:
+                continue
+            if RESET_FROM[j] != 0 or attempt == 1 or not (value + WIDTH[j] < -near):
+                return 1
+            m[j] = -m[j]
+            over = True
+        # Sizes |h| inside other guards follow the signs.
+        if not over:
+            return 0
+    return 1
+
+
+@kernel
+def reset_state(
     t: float, x: Vector, p: Vector, m: Vector, order: Indices, i: int, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """State and mode after reaching surface i: RESET with x+ in w.jump, NONE if it is not simple.
-
-    -1: the user's code failed.
-    """
+    """As `apply_reset`, but that signs may have been changed where it is not simple."""
     y, h, f = w.jump, w.h, w.f
     jumps = ROLE[i] == SWITCHING and WIDTH[i] == 0.0
     if iw.sliding > 0 or not (jumps or ROLE[i] == RESETTING):
@@ -109,11 +131,9 @@ def apply_reset(
         return -1
     if not finite(y, N):
         return NONE
-    if guards(t, y, p, m, h, ctx) != 0 or gradients(t, y, p, m, w.g, w.gt, ctx) != 0:
-        return -1
-    for j in range(M):
-        if j != i and not (m[j] * h[j] + WIDTH[j] > noise(j, t, y, w)):
-            return NONE
+    code = lands(t, y, p, m, i, w, ctx)
+    if code != 0:
+        return -1 if code < 0 else NONE
     side = m[i]
     # The residual h of the location says nothing of the side on which the state is put.
     if abs(h[i]) > max(64.0 * EPS * guard_scale(i, t, y, w), 2.0 * abs(w.end[2 * i])):
@@ -144,3 +164,17 @@ def apply_reset(
     m[i] = 1.0 if rate > 0.0 else -1.0
     order[i] = 1
     return RESET
+
+@kernel
+def apply_reset(
+    t: float, x: Vector, p: Vector, m: Vector, order: Indices, i: int, w: Scratch, iw: Integers, ctx: Indices
+) -> int:
+    """State and mode after reaching surface i: RESET with x+ in w.jump, NONE if it is not simple.
+
+    -1: the user's code failed. The mode before is in w.before.
+    """
+    kind = reset_state(t, x, p, m, order, i, w, iw, ctx)
+    if kind != RESET:
+        for j in range(M):
+            m[j] = w.before[j]
+    return kind

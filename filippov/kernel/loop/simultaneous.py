@@ -9,15 +9,30 @@ Surfaces whose signs do not act on each other's rates are decided one by one. Al
 from filippov.kernel.language.primitives import NAN, apart, kernel, seldom, shift_indices
 from filippov.kernel.loop.corner_event import SHORT_CYCLE, change_kind, note_multipliers, put_back
 from filippov.kernel.loop.event_cycle import faint
-from filippov.kernel.loop.model import COMPONENT, NON_LIPSCHITZ, RESET_FROM, ROLE, SAME_AS, WIDTH, M
+from filippov.kernel.loop.model import (
+    COMPONENT,
+    EVENT_SIZE,
+    NON_LIPSCHITZ,
+    RESET_FROM,
+    ROLE,
+    SAME_AS,
+    WIDTH,
+    M,
+    N,
+)
 from filippov.kernel.loop.record import count_down, record_event
 from filippov.kernel.loop.resolve import resolve_root
 from filippov.kernel.loop.state import Trajectory
 from filippov.kernel.tables.codes import (
     CORNER,
+    CROSSING_DOWN,
+    CROSSING_UP,
     GRAZING,
     KINK,
     NONE,
+    OVER_DOWN,
+    OVER_UP,
+    RESET,
     ROOT,
     STOPPED,
     STOPS,
@@ -47,7 +62,7 @@ def set_observers_apart(run: Trajectory, triggered: int) -> int:
         if SAME_AS[i] == 0:
             continue
         k = observed(i)
-        if run.trigger[k] != 0 and RESET_FROM[k] == 0:
+        if run.trigger[k] != 0:
             # Also where the observer has not been seen off 0 since it was reached last.
             left += 1 if run.trigger[i] == 0 else 0
             run.trigger[i] = ROOT
@@ -131,6 +146,46 @@ def record_observer(run: Trajectory, i: int) -> int:
     record_event(run, kind)
     run.marks[run.count.events * (3 + 2 * M) - 1] = 1
     return count_down(shift_indices(run.stop, STOPS * i), kind)
+
+
+@apart
+@kernel
+def record_reset(run: Trajectory) -> int:
+    """Record a reset and what it changes besides, as one set; a surface that ends the run with it, or -1.
+
+    An observer of the surface has been reached, by the way of the solution to it. What the state has jumped
+    over has changed its sign.
+    """
+    m, w, now, reset, found, first = run.m, run.w, run.now, run.now.surface, -1, True
+    residual, multiplier = now.residual, now.multiplier
+    for i in range(M):
+        follows = SAME_AS[i] != 0 and now.observers > 0 and observed(i) == reset
+        if follows:
+            m[i] = -w.before[i]
+        if i != reset and m[i] == w.before[i]:
+            continue
+        up = m[i] > 0.0
+        counted = CROSSING_UP if up else CROSSING_DOWN
+        kind = counted if follows else (OVER_UP if up else OVER_DOWN)
+        now.surface, now.residual, now.multiplier = i, abs(w.end[2 * i]), NAN
+        if i == reset:
+            kind, now.residual, now.multiplier = RESET, residual, multiplier
+        record_event(run, kind)
+        for j in range(N):
+            run.events[run.count.events * EVENT_SIZE - N + j] = w.jump[j]
+        if not first:
+            run.marks[run.count.events * (3 + 2 * M) - 1] = 1
+        first = False
+        if i != reset and count_down(shift_indices(run.stop, STOPS * i), counted) != 0:
+            found = i
+        if follows:
+            # From where the state is put it goes on as the surface itself, or stays.
+            sign = m[reset] if SAME_AS[i] > 0 else -m[reset]
+            w.grazed[i] = 1.0 if sign == 0.0 else 0.0
+            m[i] = m[i] if sign == 0.0 else sign
+            run.order[i] = run.order[reset] if sign != 0.0 else 0
+    now.surface, now.residual, now.multiplier = reset, residual, multiplier
+    return found
 
 
 @apart

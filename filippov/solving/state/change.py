@@ -34,3 +34,8 @@ def change_of(before: int, after: int, reached: bool) -> EventKind | None:
     if after == 0:
         return EventKind.ENTRY
     return EventKind.EXIT if before == 0 else EventKind.CROSSING
+
+
+def passed_to(mode: Mode, i: int) -> Mode:
+    """The mode behind an observer that is reached with a speed where a reset turns the solution back."""
+    return (*mode[:i], -mode[i], *mode[i + 1 :])

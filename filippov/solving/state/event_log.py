@@ -71,9 +71,11 @@ class EventLog(Events):
             m = (marks.shape[1] - 3) // 2
             floats.flags.writeable = False
             states, jumped = floats[:, 3 : 3 + self.n], floats[:, 3 + self.n :]
+            # What happens with a reset is told with the state after it too.
+            moved = np.any(jumped != states, axis=1).tolist() if jumped.size else [False] * len(marks)
             for k, (row, mark) in enumerate(zip(floats[:, :3].tolist(), marks.tolist(), strict=True)):
                 before, after = tuple(mark[2 : 2 + m]), tuple(mark[2 + m : -1])
-                x_after = jumped[k] if mark[1] in _JUMPS else None
+                x_after = jumped[k] if moved[k] or mark[1] in _JUMPS else None
                 note = JUMPED_OVER if mark[1] in _OVER else ""
                 self._append(
                     row[0], mark[0], _KINDS[mark[1]], before, after, states[k], row[1], row[2], note,

@@ -285,6 +285,10 @@ class Run:
                 "surface, or declare a time event. Where roots lie in one place, give the factors apart."
             )
 
+    def reaches(self, i: int) -> bool:
+        """Whether an observer is reached with a speed, not touched only."""
+        return self.machine.roles[i] == "observer" and int(self.trigger[i]) == codes.ROOT
+
     def _passes(self, t: float, i: int, x: Array, velocity: Array) -> bool:
         """Whether h_i changes its sign as close to an event as that is to be known."""
         reach = NEAR_ROOT * max(abs(t), abs(t - float(self.clock.t_start)))
