@@ -1,5 +1,6 @@
 """Several surfaces at one instant that need no classification: observers of one, and blocks side by side."""
 
+import math
 import random
 
 import numpy as np
@@ -113,3 +114,62 @@ def test_a_terminal_event_on_a_surface_ends_the_run_there() -> None:
     again = solve(System({x: v, v: -2 * sign(v) + 1}), [0.0, 1.0], (0, 5), events=[UserEvent(v, terminal=2)])
     assert again.t_end == 5.0
     assert again.t_events[1] == pytest.approx([1.0], abs=1e-12)
+
+
+def impacts(e: float, until: float) -> tuple[list[float], list[float]]:
+    """Times of impacts and of the tops between them, of a ball that falls from 1 with x'' = -1."""
+    speed, now, hits, tops = math.sqrt(2.0), math.sqrt(2.0), [], []
+    while now < until:
+        hits.append(now)
+        speed *= e
+        tops.append(now + speed)
+        now += 2 * speed
+    return hits, [top for top in tops if top < until]
+
+
+@pytest.mark.parametrize("drag", [False, True])
+@pytest.mark.parametrize("function", [False, True])
+def test_an_impact_is_an_event_of_a_function_that_is_zero_there(drag: bool, function: bool) -> None:
+    """y = 0 is reached with a speed at every impact; y' jumps over 0 there and has a root at every top."""
+    y, v, z = states("y v z")
+    floor = Surface("floor", y, reset={v: -0.8 * v})
+    # A sign of y' that acts on z alone: the surface over which each impact leads.
+    equations = {y: v, v: -1 + 0 * y, z: sign(v) if drag else v}
+    called = [lambda t, x: x[0], lambda t, x: -2 * x[0], lambda t, x: x[1]]
+    events = called if function else [y, -2 * y, v]
+    system = System(equations, surfaces=[floor])
+    run = solve(system, [1.0, 0.0, 0.0], (0, 9), events=events)
+    hits, tops = impacts(0.8, 9.0)
+    first = len(run.t_events) - 3
+    assert run.t_events[first] == pytest.approx(hits, abs=1e-11)
+    assert run.t_events[first + 1] == pytest.approx(hits, abs=1e-11)
+    assert run.t_events[first + 2] == pytest.approx(sorted([*hits, *tops]), abs=1e-11)
+    # z' = sgn y': up from each impact to the top, and down from there.
+    last = min([*hits, *tops], key=lambda at: 9.0 - at)
+    ups = sum(top - hit for hit, top in zip(hits, tops, strict=False))
+    downs = sum(at - top for at, top in zip(hits[1:], tops, strict=False)) + hits[0]
+    rest = 9.0 - last
+    expected = ups - downs + (rest if last in hits else -rest)
+    if drag:
+        assert run.x_end[2] == pytest.approx(expected, abs=1e-10)
+    falling = UserEvent(events[0], direction=-1, terminal=3)
+    assert solve(system, [1, 0, 0], (0, 9), events=falling).t_end == pytest.approx(hits[2])
+    rising = UserEvent(events[0], direction=1)
+    assert not len(solve(system, [1, 0, 0], (0, 9), events=rising).t_events[-1])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_neurons_that_fire_over_thresholds_of_others(seed: int) -> None:
+    """x' = c - x, reset to 0 at 1: spikes at multiples of ln(c/(c - 1)); z' = sgn(x - 1/2)."""
+    c = random.Random(seed).uniform(1.1, 2.0)  # noqa: S311
+    x, z = states("x z")
+    system = System({x: c - x, z: sign(x - 0.5)}, surfaces=[Surface("fire", 1 - x, reset={x: 0 * x})])
+    run = solve(system, [0.0, 0.0], (0, 12), events=[1 - x, x - 0.5, x], rtol=1e-12, atol=1e-13)
+    period, half = math.log(c / (c - 1)), math.log(c / (c - 0.5))
+    spikes = period * np.arange(1, int(12 / period) + 1)
+    assert run.t_events[-3] == pytest.approx(spikes, abs=1e-10)
+    halves = np.arange(0, 12, period) + half
+    assert run.t_events[-2] == pytest.approx(np.sort([*halves[halves < 12], *spikes]), abs=1e-10)
+    cycles, left = divmod(12, period)
+    rest = -min(left, half) + max(left - half, 0)
+    assert run.x_end[1] == pytest.approx(cycles * (period - 2 * half) + rest, abs=1e-9)

@@ -27,7 +27,8 @@ class UserEvent:
     name       what it is called in events and messages; default: the function's name
 
     A start with g = 0 is no event, and neither is a tangency of 0 (`Solution.events` has it as grazing). What
-    arrives at 0 with a speed and stays has an event there, and one where it leaves to the side it came from.
+    arrives at 0 with a speed and stays has an event there, and one where it leaves to the side it came from;
+    what arrives at 0 with a speed and is turned back there by a reset, as at an impact, has one event there.
     Raises UsageError.
     """
 

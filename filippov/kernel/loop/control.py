@@ -27,6 +27,7 @@ from filippov.kernel.loop.model import (
     PER_NODE,
     RESET_FROM,
     RESETS,
+    ROLE,
     ROOTED,
     ROOTS,
     SERIES,
@@ -43,7 +44,7 @@ from filippov.kernel.loop.model import (
 )
 from filippov.kernel.loop.series import constant_series, series_clear
 from filippov.kernel.loop.state import Clock, Integers, Scratch
-from filippov.kernel.tables.codes import ALONG, LOWER, ROOT, UPPER
+from filippov.kernel.tables.codes import ALONG, LOWER, OBSERVER, ROOT, UPPER
 from filippov.kernel.tables.layout import EPS
 from filippov.kernel.tables.root_tables import GAUSS_A, GAUSS_B, GAUSS_C
 
@@ -432,6 +433,12 @@ def falls(j: int, m: Vector, w: Scratch) -> bool:
 
 
 @kernel
+def watches(i: int) -> bool:
+    """Whether surface i resets the state or is an observer: neither is to be passed unseen."""
+    return RESET_FROM[i] != 0 or ROLE[i] == OBSERVER
+
+
+@kernel
 def mark_triggers(
     t: float, x: Vector, m: Vector, order: Indices, cause: int, i: int, step: float, trigger: Indices,
     w: Scratch,
@@ -448,7 +455,7 @@ def mark_triggers(
             trigger[j] = cause
         elif m[j] != 0.0 and order[j] == ALONG:
             total += 1
-        elif m[j] != 0.0 and (order[j] == 0 or (RESET_FROM[j] != 0 and falls(j, m, w))):
+        elif m[j] != 0.0 and (order[j] == 0 or (watches(j) and falls(j, m, w))):
             near = 8.0 * EPS * guard_scale(j, t, x, w)
             near += abs(w.end[2 * j + 1]) * 32.0 * EPS * max(abs(t), abs(step))
             value = m[j] * w.end[2 * j] + WIDTH[j]
