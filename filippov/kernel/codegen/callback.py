@@ -21,6 +21,8 @@ from filippov.model.time_event import TimeEvent
 
 # The largest distance from a surface that is rounding, relative to the state and to the way that led to it.
 ON_SURFACE = 1e-13
+# Points of which the gradients of user events are kept.
+KNOWN = 256
 
 _FIELD = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *([ctypes.c_void_p] * 5))
 _GUARD = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *([ctypes.c_void_p] * 4))
@@ -289,9 +291,20 @@ class EventCallbacks(Callbacks):
 
     def __init__(self, surfaces: tuple[Surface, ...], n: int, record: Callable[[Any], Any]) -> None:
         super().__init__(_no_field, surfaces, n, record, compiled=False)
+        self._known: dict[tuple[float, bytes], npt.NDArray[np.float64]] = {}
         rows, slopes = _GUARD(self._guarded(self._rows)), _GUARD(self._guarded(self._slopes))
         self._handles += [rows, slopes]
         self.context[2:4] = [ctypes.cast(handle, ctypes.c_void_p).value or 0 for handle in (rows, slopes)]
+
+    def _gradients(self, t: float, x: int, m: int) -> npt.NDArray[np.float64]:
+        # Rows and slopes are asked for in turn, and the same points again where an event is decided.
+        key = t, ctypes.string_at(x, 8 * self.n)
+        found = self._known.get(key)
+        if found is None:
+            if len(self._known) >= KNOWN:
+                self._known.clear()
+            found = self._known[key] = super()._gradients(t, x, m)
+        return found
 
     def _rows(self, t: float, x: int, m: int) -> npt.NDArray[np.float64]:
         return self._gradients(t, x, m)[: len(self.surfaces) * self.n]
