@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, cast
 
@@ -14,15 +14,22 @@ from filippov import System
 from filippov import t as time
 from filippov.analysis.sensitivity.plain_resets import plain_instant_slopes, plain_reset_slopes
 from filippov.base.arrays import Array
+from filippov.solving.resets.in_turn import states_in_turn
 from filippov.solving.state.events import Event, Mode
+from filippov.solving.state.machine import Machine
 
 
 def reset_slopes(
-    system: System, event: Event, names: tuple[str, ...], p: Array, at: Array | None = None
+    system: System,
+    event: Event,
+    names: tuple[str, ...],
+    p: Array,
+    at: Array | None = None,
+    before: Mode | None = None,
 ) -> Array:
     """dR/dy of the reset y+ = R(y) at an event: (N, N).
 
-    at: the state where another reset of the instant comes first
+    at, before: the state and its signs where another reset of the instant comes first
     """
     x = event.x if at is None else at
     n = system.dimension
@@ -31,10 +38,22 @@ def reset_slopes(
         by = plain_reset_slopes(system, event.index, event.t, np.asarray(x, dtype=np.float64), p)
         out[:n] = by[:, [*range(n), *(n + system.parameters.index(name) for name in names), -1]]
         return out
-    slopes = _slopes(system, event.index, tuple(event.before), names)
+    slopes = _slopes(system, event.index, tuple(event.before if before is None else before), names)
     with np.errstate(all="ignore"):
         out[:n] = np.reshape(slopes(np.float64(event.t), *x, *p), (n, -1))
     return out
+
+
+def slopes_in_turn(
+    machine: Machine, events: Sequence[Event], names: tuple[str, ...], p: Array, x: Array, before: Mode
+) -> Array:
+    """dR/dy of several resets of one instant, one after the other: (N, N)."""
+    by, signs = np.eye(len(x) + len(names) + 1), np.array(before, dtype=np.float64)
+    turns = states_in_turn(machine, events[0].t, x, signs, [event.index for event in events])
+    for event, (_, at, mode, _) in zip(events, turns, strict=True):
+        came: Mode = tuple(int(m) for m in mode)
+        by = reset_slopes(machine.system, event, names, p, at, came) @ by
+    return by
 
 
 @lru_cache(maxsize=128)

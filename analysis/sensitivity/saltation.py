@@ -29,7 +29,7 @@ import numpy as np
 
 from filippov import Solution, System, UsageError
 from filippov.analysis.algebra import linalg
-from filippov.analysis.sensitivity.reset_slopes import instant_slopes, reset_slopes
+from filippov.analysis.sensitivity.reset_slopes import instant_slopes, reset_slopes, slopes_in_turn
 from filippov.analysis.sensitivity.variation import ModeField, mode_field, signs_at, transitions
 from filippov.base.arrays import Array
 from filippov.base.keywords import keywords
@@ -367,13 +367,11 @@ class Together:
         clocks = all(e.kind is EventKind.TIME for e in resets)
         if not all(e.kind is EventKind.EXIT for e in left) or (len(resets) > 1 and not clocks):
             raise self._resets_among(events)
-        by, x = np.eye(self.system.dimension + len(self.names) + 1), self.x
-        # What one reset leads to is what the event says.
-        machine = Machine(self.system, self.solution.options.stepper, self.p) if len(resets) > 1 else None
-        for event in resets:
-            by = reset_slopes(self.system, event, self.names, self.p, x) @ by
-            if machine is not None:
-                x = machine.reset(event.index, self.t, x, np.array(self.before, dtype=float))
+        if len(resets) > 1:
+            machine = Machine(self.system, self.solution.options.stepper, self.p)
+            by = slopes_in_turn(machine, resets, self.names, self.p, self.x, self.before)
+        else:
+            by = reset_slopes(self.system, resets[0], self.names, self.p, self.x)
         x_after = resets[-1].x_after
         assert x_after is not None
         before, after = self.field(self.before)[1], self.field(self.after, x_after)[1]

@@ -16,6 +16,7 @@ import networkx as nx
 import numpy as np
 
 from filippov.base.arrays import Array
+from filippov.solving.resets.in_turn import reads_signs, signs_after
 from filippov.solving.state.run import Run
 
 if TYPE_CHECKING:
@@ -29,7 +30,8 @@ SAME = 1e-9  # states are one state, relative to the largest that an order passe
 # that a sample of orders.
 MOST_ORDERS, MOST_TOGETHER, ORDERS = 6, 8, 64
 
-_Reset = Callable[[int, Array], Array]
+_At = tuple[Array, Array]  # a state, and the signs there
+_Reset = Callable[[int, Array, Array], _At]
 
 
 def composed(run: Run, x: Array, size: Array, mode: Array, due: Sequence[int]) -> Array | None:
@@ -37,53 +39,55 @@ def composed(run: Run, x: Array, size: Array, mode: Array, due: Sequence[int]) -
 
     size: per state the magnitude of which differences are rounding.
     """
+    machine, reads = run.machine, len(due) > 1 and reads_signs(run.machine)
 
-    def reset(i: int, at: Array) -> Array:
-        return run.machine.reset(i, run.t, at, mode)
+    def reset(i: int, at: Array, signs: Array) -> _At:
+        after = machine.reset(i, run.t, at, signs)
+        return after, (signs_after(machine, run.t, at, after, signs) if reads else signs)
 
     if len(due) == 1:
-        return reset(due[0], x)
-    after: Array | None = x
-    for group in _groups(run.machine.system, tuple(due)):
+        return machine.reset(due[0], run.t, x, mode)
+    after: _At | None = (x, mode)
+    for group in _groups(machine.system, tuple(due)):
         if after is not None:
             every = _every_order if len(group) <= MOST_TOGETHER else _some_orders
             after = every(reset, after, size + run.atol, group)
-    return after
+    return None if after is None else after[0]
 
 
-def _every_order(reset: _Reset, x: Array, scale: Array, due: Sequence[int]) -> Array | None:
-    reached: dict[frozenset[int], Array] = {frozenset(): x}
+def _every_order(reset: _Reset, start: _At, scale: Array, due: Sequence[int]) -> _At | None:
+    reached: dict[frozenset[int], _At] = {frozenset(): start}
     for count in range(1, len(due) + 1):
         for chosen in itertools.combinations(due, count):
-            ends = [reset(i, reached[frozenset(chosen) - {i}]) for i in chosen]
-            scale = np.fmax(scale, np.max(np.abs(ends), axis=0))
-            if not _one(ends, scale):
+            ends = [reset(i, *reached[frozenset(chosen) - {i}]) for i in chosen]
+            scale = np.fmax(scale, np.max(np.abs([x for x, _ in ends]), axis=0))
+            if not (_one(ends, scale) and all(np.array_equal(signs, ends[0][1]) for _, signs in ends)):
                 if len(due) > MOST_ORDERS:
                     return None
-                return _agreeing(reset, x, scale, itertools.permutations(due))  # they may come together again
+                return _agreeing(reset, start, scale, itertools.permutations(due))  # they may meet again
             reached[frozenset(chosen)] = ends[0]
     return reached[frozenset(due)]
 
 
-def _some_orders(reset: _Reset, x: Array, scale: Array, due: Sequence[int]) -> Array | None:
+def _some_orders(reset: _Reset, start: _At, scale: Array, due: Sequence[int]) -> _At | None:
     rng = np.random.default_rng(0)
     orders = [due, due[::-1], *(rng.permutation(due).tolist() for _ in range(ORDERS))]
-    return _agreeing(reset, x, scale, orders)
+    return _agreeing(reset, start, scale, orders)
 
 
-def _agreeing(reset: _Reset, x: Array, scale: Array, orders: Iterable[Sequence[int]]) -> Array | None:
-    ends: list[Array] = []
+def _agreeing(reset: _Reset, start: _At, scale: Array, orders: Iterable[Sequence[int]]) -> _At | None:
+    ends: list[_At] = []
     for order in orders:
-        after = x
+        after = start
         for i in order:
-            after = reset(i, after)
-            scale = np.fmax(scale, np.abs(after))
+            after = reset(i, *after)
+            scale = np.fmax(scale, np.abs(after[0]))
         ends.append(after)
     return ends[0] if _one(ends, scale) else None
 
 
-def _one(ends: Sequence[Array], scale: Array) -> bool:
-    return all(bool(np.all(np.abs(end - ends[0]) <= SAME * scale)) for end in ends[1:])
+def _one(ends: Sequence[_At], scale: Array) -> bool:
+    return all(bool(np.all(np.abs(end[0] - ends[0][0]) <= SAME * scale)) for end in ends[1:])
 
 
 @lru_cache(maxsize=256)
@@ -125,9 +129,9 @@ def _commute(one: dict[Symbol, Expr], other: dict[Symbol, Expr], form: SymbolicF
 
 
 def _states(expression: Expr, form: SymbolicForm) -> set[Symbol]:
-    """The states that stand in an expression, those in the sizes |h| in it too."""
+    """The states that an expression reads, also by the signs and the sizes |h| in it."""
     found = set(expression.free_symbols)
-    for a, h in zip(reversed(form.a), reversed(form.h), strict=True):
-        if a in found:
+    for s, a, h in zip(reversed(form.s), reversed(form.a), reversed(form.h), strict=True):
+        if a in found or s in found:
             found |= h.free_symbols
     return found & set(form.x)
