@@ -65,10 +65,23 @@ def test_batches_rest_too() -> None:
 
 
 def test_a_block_that_is_tipped_later_is_not_held_for_good() -> None:
-    """The push u t exceeds k c before the end: the run ends at the limit, and says so."""
-    run = solve(block, (0.1, 0), (0, 20), parameters={"u": 0.1, "r": 0.5}, zeno="continue")
-    assert run.status is Status.ZENO
-    assert run.t_end < 10
+    """The push u t exceeds k c at t = 10: from there q = u (sinh(t - 10) - (t - 10))."""
+    run = solve(block, (0.1, 0), (0, 12), parameters={"u": 0.1, "r": 0.5}, zeno="continue")
+    assert run.success
+    assert run.events[-1].kind == "sliding exit"
+    assert run.events[-1].t == pytest.approx(10, abs=1e-9)
+    assert run.x_end == pytest.approx([0.1 * (math.sinh(2) - 2), 0.1 * (math.cosh(2) - 1)], abs=1e-7)
     held = solve(block, (0.1, 0), (0, 9), parameters={"u": 0.1, "r": 0.5}, zeno="continue")
     assert held.success
     assert held.x_end.tolist() == [0, 0]
+
+
+def test_plain_functions_that_are_tipped_later_end_at_the_limit() -> None:
+    """Sliding of second order takes derivatives of formulas: the run says that it ends there."""
+    foot = Surface("foot", lambda t, x, p: x[0], reset=lambda t, x, p: [x[0], 0.5 * x[1]], side="both")
+    tipped = System(
+        field=lambda t, x, p, s: [x[1], x[0] - s[0] + 0.1 * t], surfaces=[foot], states="q w"
+    )
+    run = solve(tipped, (0.1, 0), (0, 20), zeno="continue")
+    assert run.status is Status.ZENO
+    assert run.t_end < 10

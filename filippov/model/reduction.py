@@ -98,15 +98,21 @@ class Reduction:
 
 
 def reduction(
-    system: System, zero: Sequence[int], kinks: Sequence[int], at: Mapping[Symbol, float]
+    system: System,
+    zero: Sequence[int],
+    kinks: Sequence[int],
+    at: Mapping[Symbol, float],
+    sliding: str = "filippov",
 ) -> Reduction | str:
     """The reduction of the surfaces `zero` at a point, or the reason why there is none.
 
     at: values of t, states, parameters, signs and sizes at a point close to the solution.
+    sliding: the rule; all but "utkin" blend fields at signs of -1 and +1.
     """
+    zero, kinks = tuple(sorted(zero)), tuple(sorted(kinks))
+    system = system if sliding == "utkin" else _blended(system, zero)
     form = system.symbolic
     assert form is not None
-    zero, kinks = tuple(sorted(zero)), tuple(sorted(kinks))
     known = _answers(system, zero, kinks)
     for values, answer in known:
         if all(at.get(q) == value for q, value in values.items()):
@@ -116,6 +122,23 @@ def reduction(
     known.append(({q: at.get(q) for q in asked.symbols}, answer))
     del known[:-MOST_ANSWERS]
     return answer
+
+
+@lru_cache(maxsize=64)
+def _blended(system: System, zero: tuple[int, ...]) -> System:
+    """The system with its field as a blend of those at both signs, where it is not affine in one of them."""
+    form = system.symbolic
+    assert form is not None
+    field = list(form.field)
+    for s in (form.s[i] for i in zero):
+        for k, f in enumerate(field):
+            if s not in f.free_symbols or s not in convex(f, {s}).diff(s).free_symbols:
+                continue
+            plus, minus = f.xreplace({s: sympy.S.One}), f.xreplace({s: sympy.S.NegativeOne})
+            field[k] = (plus + minus) / 2 + s * (plus - minus) / 2
+    if all(f is g for f, g in zip(field, form.field, strict=True)):
+        return system
+    return system.with_form(replace(form, field=tuple(field)), system.surfaces)
 
 
 class _Asked(Mapping[Symbol, float]):

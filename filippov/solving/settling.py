@@ -13,7 +13,7 @@ from filippov.base.status import Status
 from filippov.kernel.tables import codes
 from filippov.solving.patience import Patience
 from filippov.solving.resets.jumps import bouncing, endless, pending
-from filippov.solving.resets.reset_cycle import rests_in_cycle
+from filippov.solving.resets.reset_cycle import passes_at_rest, rests_in_cycle
 from filippov.solving.resets.rest import CLOSE, NEAR_REST, come_to_rest, faded, on_equilibrium, rest, rests
 from filippov.solving.resets.slow_spiral import SlowSpiral, slow_spiral
 from filippov.solving.resets.zeno import (
@@ -123,11 +123,21 @@ class Settling(ABC):
             return self._end(Status.ZENO, detail)
         machine = run.machine
         open_ends = [i for i in limit.surfaces if machine.resets_from[i] and not machine.contacts[i]]
-        if (
-            open_ends
-            and run.events[-1].index in open_ends
-            and rests_in_cycle(run, run.events[-1].index, limit)
-        ):
+        last = run.events[-1].index
+        if last in open_ends and passes_at_rest(run, last, limit):
+            # Of a block that rocks to rest on both feet: the signs hold it there until one lifts.
+            before, kept = run.signs, (run.t, run.x.copy())
+            run.clock.t, run.x[:] = limit.t, limit.x
+            begun = self.higher.begin([last], np.full(machine.n, WITHIN * limit.x_error))
+            held = run.x.copy()
+            run.clock.t, run.x[:] = kept
+            self.patience.limited(begun if isinstance(begun, str) else "")
+            if isinstance(begun, Begun):
+                bridge(run, limit)
+                run.x[:] = held
+                ended = self._changed(before, begun.mode, begun.multipliers, limit.surfaces, begun.note)
+                return ended or self._budgets()
+        if last in open_ends and rests_in_cycle(run, last, limit):
             return self._reached()
         if open_ends:
             names = ", ".join(repr(machine.surfaces[i].name) for i in open_ends)

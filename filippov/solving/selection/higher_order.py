@@ -134,7 +134,7 @@ class HigherOrder:
 
         run = self.run
         at = self._values(base, run.x)
-        found = reduction(self.plain.system, sorted(zero), sorted(kinks), at)
+        found = reduction(self.plain.system, sorted(zero), sorted(kinks), at, self.plain.sliding)
         if isinstance(found, str):
             return found, run.x
         if found.order < 2 and not found.kinks:
