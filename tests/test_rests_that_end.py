@@ -132,3 +132,20 @@ def test_a_wheel_on_two_spokes_is_pushed_on(push: float, width: float, stands: b
     wheel = System({Q: W, W: k * Q + p.A * exp(-(((time - 5.1) / p.width) ** 2))}, surfaces=surfaces)
     run = solve(wheel, (-al, 1), (0, 10), zeno="continue")
     assert run.status is (Status.SUCCESS if stands else Status.ZENO)
+
+
+def test_twisting_of_plain_functions_does_not_rest_through_what_exceeds_it() -> None:
+    """x'' = -2 sgn x - sgn x' + d(t): at rest while |d| < 3, and not where d has a peak of 4 at t = 20.3."""
+
+    def twisted(height: float) -> System:
+        surfaces = [Surface("x", lambda t, x, p: x[0]), Surface("v", lambda t, x, p: x[1])]
+
+        def field(t: float, x: Any, p: Any, s: Any) -> list[float]:
+            return [x[1], -2 * s[0] - s[1] + height * math.exp(-(((t - 20.3) / 0.1) ** 2))]
+
+        return System(field=field, surfaces=surfaces, states="x v")
+
+    assert solve(twisted(2.5), (1, 0), (0, 30), zeno="continue").success
+    run = solve(twisted(4.0), (1, 0), (0, 30), zeno="continue")
+    assert not run.success
+    assert run.t_end < 20.3

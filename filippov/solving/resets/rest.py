@@ -18,6 +18,8 @@ from filippov.solving.state.run import Run, near_within
 
 NEAR_REST = 1e-7
 SAMPLES = 16
+# Where t may act: so many instants at least, and at most; by how much of the way they are skew.
+OFTEN, MOST_SAMPLES, SKEW = 1024, 32_768, 0.3
 # In tolerances: as close to where it stays as a run comes, and so much farther away it is to have begun;
 # events in a row so close to it, by which it is not led out again.
 CLOSE, FAR, CIRCLED = 10.0, 1e2, 6
@@ -50,16 +52,33 @@ def rests(run: Run, surfaces: Sequence[int]) -> bool:
         return False
     mode = run.mode.copy()
     mode[list(surfaces)] = 0.0
-    for t in np.linspace(run.t, float(run.clock.t_end), SAMPLES):
+    known = None
+    for t in _instants(run):
         h = np.abs(run.machine.guards(float(t), run.x, mode))[switching]
         fields = []
         for signs in itertools.product((-1.0, 1.0), repeat=len(switching)):
             corner = np.where(mode == 0.0, 1.0, mode)
             corner[switching] = signs
             fields.append(run.machine.rhs(float(t), run.x, corner, mode))
-        if not holds_still(np.array(fields)) or np.any(h > NEAR_REST * (1.0 + np.max(np.abs(run.x)))):
+        changed = known is None or not np.array_equal(known, fields)
+        known = np.array(fields)
+        if (changed and not holds_still(known)) or np.any(h > NEAR_REST * (1.0 + np.max(np.abs(run.x)))):
             return False
     return True
+
+
+def _instants(run: Run) -> Array:
+    """Times until the end of the run at which a rest is looked at; where t may act, as steps are bounded.
+
+    Not at equal distances, which may be the period of what acts.
+    """
+    start, length = run.t, float(run.clock.t_end) - run.t
+    system = run.machine.system
+    if system.symbolic is not None and not _depends_on_time(system):
+        return np.linspace(start, start + length, SAMPLES)
+    steps = min(abs(length) / run.options.max_step, float(MOST_SAMPLES))
+    part = np.linspace(0.0, 1.0, max(OFTEN, 2 + int(2.0 * steps)))
+    return np.asarray(start + length * (part + SKEW * part * (1.0 - part)))
 
 
 def come_to_rest(run: Run, slid: Sequence[int], within: float = 0.0) -> list[int]:
