@@ -100,6 +100,8 @@ class Crossings:
         for _, point, name, at in found:
             if name.startswith(BOUNDARY):
                 if _kink_of(a, name) < 0:
+                    if at.corrector.problem.ending(at.u, at.point.value) is not None:
+                        return points, at
                     special, onwards = self._boundary(a, at, name)
                     return [*points, special], onwards
                 special, beyond = self._kink(a, at, name)

@@ -11,6 +11,7 @@ other side.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,8 @@ import numpy.typing as npt
 
 from filippov import System, UsageError
 from filippov.analysis.algebra import linalg
-from filippov.analysis.algebra.growth import by_eigenvalues, by_excess
+from filippov.analysis.algebra.attraction import attraction
+from filippov.analysis.algebra.growth import Growth, by_eigenvalues, by_excess
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.equilibrium_units import branch_units
 from filippov.analysis.sensitivity.variation import mode_field
@@ -30,6 +32,8 @@ from filippov.solving.state.events import Mode
 
 # What is this near to a kink, in units of the unknowns and the parameter, lies on it.
 _ON = 1e-11
+# Of a multiplier: what is this near to an end of its set is there.
+_AT_END = 1e-9
 
 
 def is_kink(system: System, i: int) -> bool:
@@ -147,7 +151,7 @@ class EquilibriumProblem:
         if len(values) > 1:
             with np.errstate(over="ignore", invalid="ignore"):
                 tests["Hopf"] = float(np.prod(_sums(values) / self.rate).real)
-        told = {by_eigenvalues(values), by_excess(-attracts, 0.0)}
+        told = {by_eigenvalues(values), *self._across(at, u, attracts)}
         verdict = next(word for word in ("unstable", "undecided", "stable") if word in told)
         left = float(np.max(np.abs(self.evaluate(u, value)[0])))
         return BranchPoint(
@@ -173,6 +177,46 @@ class EquilibriumProblem:
             return np.zeros(0, dtype=complex), attracts
         matrix = self.field.matrix(*at)[0, :n, :n]
         return linalg.eigvals(basis.T @ matrix @ basis).astype(complex), attracts
+
+    def _across(
+        self, at: tuple[Array, Array, Array, Array], u: Array, attracts: float
+    ) -> tuple[Growth, ...]:
+        """Whether the sliding surfaces attract, by their rates beside the point (autonomous: grad h . f)."""
+        on, surfaces, n = self.sliding, self.system.surfaces, self.system.dimension
+        if any(surfaces[i].reset is not None or surfaces[i].width for i in on):
+            return (by_excess(-attracts, 0.0),)
+        if not on:
+            return ()
+
+        def rates(s: Array) -> Array:
+            signs = at[2].copy()
+            signs[0, on] = s
+            slope = self.field.part("hy", *at)[0, on, :n]
+            return np.asarray(slope @ self.field.part("f", at[0], at[1], signs, at[3])[0, :, 0])
+
+        middle = np.zeros(len(on))
+        c = rates(middle)
+        G = np.column_stack([rates(middle + e) - c for e in np.eye(len(on))])
+        if len(on) == 1:
+            above, below = rates(middle + 1.0), rates(middle - 1.0)
+            c, G = 0.5 * (above + below), 0.5 * (above - below)[:, None]
+        told = attraction(c, G, u[n:], self.field.part("radius", *at)[0][on])
+        return (told, "unstable") if attracts < 0.0 else (told,)
+
+    def ending(self, u: Array, value: float, bounds: object = None) -> BranchPoint | None:
+        """The end of the branch where a multiplier is at an end beyond [-1, 1] of its set, None before it.
+
+        At break-away the field jumps there, so that no equilibrium of the side goes on.
+        """
+        n, names = self.system.dimension, self.system.surface_names
+        radius = self.field.part("radius", *self._at(u, value))[0]
+        for s, i in zip(u[n:], self.sliding, strict=True):
+            for end, side, usual in zip(radius[i], ("lower", "upper"), (-1.0, 1.0), strict=True):
+                if abs(s - end) <= _AT_END and abs(end - usual) > _AT_END:
+                    note = f"break-away from {names[i]}, where the field jumps: no equilibrium goes on"
+                    named = self.point(u, value).named("boundary equilibrium", self.kind)
+                    return replace(named, note=note, test=f"{side} {names[i]}")
+        return None
 
     def moved(self, u: Array, value: float) -> EquilibriumProblem:
         """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""

@@ -1,7 +1,7 @@
 """Stability of a set of equilibria in a sliding mode: its inner points, then break-away at its ends.
 
 What is decided, and by what:
-- inner points, by attraction of the surface and the sliding field on it;
+- inner points, by attraction of the surface, the sliding field on it, and fields beside it that lead away;
 - ends where slip starts with a jump of the field or an infinite slope that points away: the set is unstable,
   for h' >= C h**e with e < 1 leaves h = 0 in a time that does not depend on how near the solution starts;
 - ends with a linear slip field, in dimension 2 and 3: the return map of filippov.analysis.steady.rest_map.
@@ -24,6 +24,7 @@ from sympy import Expr, Rational, Symbol
 
 from filippov.analysis.algebra.growth import by_excess
 from filippov.analysis.algebra.polynomial import Verdict
+from filippov.analysis.local_stability.departure import left_from
 from filippov.analysis.local_stability.kink_stability import kink_stability, surfaces_at
 from filippov.analysis.local_stability.set_parts import spots
 from filippov.analysis.local_stability.sliding_stability import attraction
@@ -73,22 +74,19 @@ def set_stability(
     statements, attracts = attraction(context, sliding, found.mode, found.x, inner)
     statements = [*_degenerate(found), *statements]
     if sliding.matrix is None:
-        text = "the sliding field is not determined by first derivatives"
-        return EquilibriumStability(
-            found, linear, None, None, False, "undecided", (), attracts, (*statements, Statement(text))
-        )
+        told = (*statements, Statement("the sliding field is not determined by first derivatives"))
+        return EquilibriumStability(found, linear, None, None, False, "undecided", (), attracts, told)
     if found.dimension > 1 and not _uniform(context, found, sliding, attracts):
-        text = "the sliding mode beside it is not alike at all of its points"
-        return EquilibriumStability(
-            found, linear, None, None, False, "undecided", (), "undecided", (*statements, Statement(text))
-        )
+        part = left_from(context, found)
+        left: Answer = "unstable" if part else "undecided"
+        told = (*statements, part or Statement("the sliding mode is not alike at all of its points"))
+        return EquilibriumStability(found, linear, None, None, False, left, (), left, told)
     if attracts != "unstable" and surfaces_at(context, found):
         # Slip at its ends is that of one side of the kink too: what the set does as a whole is left open.
         beside, statement = kink_stability(context, found)
-        left: Answer = "unstable" if beside == "unstable" else "undecided"
-        return EquilibriumStability(
-            found, linear, None, None, False, left, (), left, (*statements, statement)
-        )
+        left = "unstable" if beside == "unstable" else "undecided"
+        told = (*statements, statement)
+        return EquilibriumStability(found, linear, None, None, False, left, (), left, told)
     k = sliding.normal.rows
     polynomial = characteristic_polynomial(sliding.matrix)[: -k or None]
     rest, zeros = context.without_zeros(polynomial, len(polynomial))
@@ -110,6 +108,8 @@ def set_stability(
         statements.append(Statement("nothing breaks away: its multiplier is within its bounds everywhere"))
     elif answer == "undecided":
         answer = _worst([c.answer for c in cases if c.applies])
+    if answer != "unstable" and (part := left_from(context, found)):
+        answer, statements = "unstable", [*statements, part]
     routh = context.routh(rest)
     if context.hook is not None:
         answer, more = _asked(context, found, answer)

@@ -9,7 +9,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.algebra.polynomial import Verdict
-from filippov.analysis.local_stability import boundary_plane, straight_lines
+from filippov.analysis.local_stability import boundary_plane, departure, straight_lines
 from filippov.analysis.local_stability.kink_stability import kink_stability, surfaces_at
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Answer, EquilibriumStability, Statement
@@ -108,10 +108,17 @@ def attraction(
 ) -> tuple[list[Statement], Answer]:
     """Whether the surfaces attract: "stable", "unstable" or "undecided", with the reasons."""
     context.clock.check()
+    away = departure.departure(context, mode, x, free)
+    if away:
+        text = f"the field {away} leads away: solutions leave at once, however near they start"
+        return [Statement(text, departure.SOURCE)], "unstable"
     if sliding.normal.shape == (1, 1):
         rate = sliding.normal[0, 0]
         normal = context.number(rate, free)
         head = f"d(dh/dt)/ds = {rate} = {normal:.6g}"
+        at = departure.still(context, mode, x, free) if normal < 0 else ""
+        if at:
+            return [Statement(f"{head} < 0, but the field vanishes {at}", departure.SOURCE)], "undecided"
         if normal < 0:
             return [Statement(f"{head} < 0: the surface attracts from both sides", PSEUDO)], "stable"
         if normal > 0:
@@ -121,6 +128,9 @@ def attraction(
     if _nodal(context, mode, [sympy.S(e).xreplace(dict(free)) for e in x]):
         text = "every field beside the surfaces points towards all of them: their intersection attracts"
         return [Statement(text, PSEUDO)], "stable"
+    if departure.diagonally_stable(context, mode, x, free):
+        text = "a weighted sum of the distances from the surfaces falls to 0: their intersection attracts"
+        return [Statement(text, "Kaszkurewicz & Bhaya 2000")], "stable"
     k = sliding.normal.rows
     text = f"{k} surfaces meet, not all fields point towards all of them: attraction is not decided"
     return [Statement(text, "the intersection may attract by spirals: Dieci & Lopez 2012")], "undecided"
