@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from filippov import Max, System, TimeEvent, cos, parameters, sign, solve, states, t
+from filippov import Max, Piecewise, System, TimeEvent, cos, parameters, sign, solve, states, t
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.steady.forcing import forcing_period, is_forced
 from filippov.models import registry
@@ -100,3 +100,21 @@ def test_12_4_a_motion_on_its_way_to_a_subharmonic_is_followed(
         orbit = find_orbit(BILINEAR, start, parameters=values, transient=20 * T)
         assert orbit.period == pytest.approx(turns * T, rel=1e-9)
         assert orbit.stable
+
+
+@pytest.mark.parametrize("seed", [0, 3, 6, 8, 9, 11])
+def test_a_motion_that_takes_long_to_a_subharmonic_is_followed(seed: int) -> None:
+    """x+ = a x + 1 or a x - c, each beyond 0: no fixed point, and a cycle of k with the multiplier a**k."""
+    rng = np.random.default_rng(seed)
+    a, T, c = float(rng.uniform(0.9, 0.995)), float(rng.uniform(0.2, 3)), float(rng.uniform(0.2, 1.5))
+    kick = TimeEvent("kick", period=T, reset={x: x + Piecewise((1.0, x < 0), (-c, True))})
+    system = System({x: math.log(a) / T * x, v: x - v}, time_events=[kick])
+    start = float(rng.uniform(-50, 50))
+    cycle = [start]
+    for _ in range(5000):
+        cycle.append(a * cycle[-1] + (1.0 if cycle[-1] < 0 else -c))
+    k = next(k for k in range(1, 64) if abs(cycle[-1] - cycle[-1 - k]) < 1e-9)
+    orbit = find_orbit(system, (start, 0.0))
+    assert orbit.stable
+    assert orbit.period == pytest.approx(k * T, rel=1e-12)
+    assert orbit.multipliers[0] == pytest.approx(a**k, rel=1e-6)

@@ -13,9 +13,8 @@ from filippov import Solution, SolveError, Status, System, UsageError, solve
 from filippov.analysis.orbits.collocation_search import CollocationSearch, collocated_from
 from filippov.analysis.orbits.no_derivative import with_cure
 from filippov.analysis.orbits.orbit import Orbit, make_orbit
-from filippov.analysis.orbits.search_start import anchor, extent, rests, return_time, settling
+from filippov.analysis.orbits.search_start import anchor, extent, rests, return_time, settled, settling
 from filippov.analysis.orbits.shooting import (
-    SAME,
     NoConvergenceError,
     ReturnError,
     Shooting,
@@ -23,6 +22,7 @@ from filippov.analysis.orbits.shooting import (
     newton,
     onto_surfaces,
     resolved,
+    shortest,
     suited,
     symmetry_matrix,
     velocity_at,
@@ -239,10 +239,10 @@ class _Search:
                 return self._stroboscopic(x0, t0)
             except NoConvergenceError:
                 self.base, self.nodes = base, nodes
-        return self._stroboscopic(x0, t0)
+        return self._stroboscopic(x0, t0, follow)
 
-    def _stroboscopic(self, x0: Array, t0: float) -> Orbit:
-        """The orbit of the period that `base` has."""
+    def _stroboscopic(self, x0: Array, t0: float, follow: bool = False) -> Orbit:
+        """The orbit of the period that `base` has; follow: of several where it settles to one."""
         forcing = self.base.period
         assert forcing is not None
         period, nodes = forcing(self.p), self.nodes
@@ -253,6 +253,9 @@ class _Search:
             while len(states) <= stage:
                 states.append(self.run(states[-1], t0 + len(gaps) * period, period)[0])
                 gaps.append(dist(states[-1], states[-2]))
+            found = self._settled(states, t0) if follow else None
+            if found is not None:
+                return found
             # An orbit that repels is where the solution came back best; one that attracts, at its end.
             order = [k for k in np.argsort(gaps) if k not in tried][: _TRIES if stage > 1 else 1]
             if self.collocation:
@@ -277,6 +280,20 @@ class _Search:
         raise NoConvergenceError(
             f"no periodic orbit was found in {stage} periods of the forcing. {error or ''}{self.failed}"
         )
+
+    def _settled(self, states: list[Array], t0: float) -> Orbit | None:
+        """The orbit of several periods to which the last states at strobes have come; None without one."""
+        base, forcing, count = self.base, self.base.period, settled(states, _MOST_TURNS)
+        if count == 1 or forcing is None:
+            return None
+        self.base, period = replace(base, period=forcing.times(count)), forcing(self.p)
+        try:
+            last = self.solution(states[-1], t0 + (len(states) - 1) * period, count * period)
+            found = self._shot(last, count * period)
+            return self._collocated(found.pieces) if self.collocation else found
+        except SolveError:
+            self.base = base
+            return None
 
     def _returned(self, states: list[Array], gaps: list[float], t0: float, period: float) -> Orbit | None:
         """The orbit by collocation from the best returns of each sequence of modes; None without one."""
@@ -410,24 +427,11 @@ class _Search:
         if base.period is not None:
             problem, u, left, pieces = least(problem, u, left, self.p)
         elif count == base.symmetry_order == 1:
-            problem, u, left = self._shortest(problem, u, left)
+            problem, u, left = shortest(problem, u, left, self.p, _MOST_TURNS)
         found = make_orbit(problem, u, self.p, left, pieces)
         if found.trivial is not None and abs(found.trivial - 1.0) > 1e-2:
             raise NoConvergenceError("Newton's method went to an equilibrium.")
         return found
-
-    def _shortest(self, problem: Shooting, u: Array, left: float) -> tuple[Shooting, Array, float]:
-        """The same orbit with its least period, where it was found with a multiple of it."""
-        sol = problem.solutions(u, self.p)[0].sol
-        assert sol is not None
-        size = float(np.max(np.ptp(sol(np.linspace(0.0, float(u[-1]), 64)), axis=1)))
-        for count in range(_MOST_TURNS, 1, -1):
-            if np.max(np.abs(sol(float(u[-1]) / count) - u[:-1])) < SAME * size:
-                try:
-                    return newton(problem, np.append(u[:-1], u[-1] / count), self.p)
-                except SolveError:
-                    continue
-        return problem, u, left
 
     def _check(self, problem: Shooting, u: Array, guess: float) -> None:
         """An equilibrium solves the equations as well."""

@@ -80,6 +80,14 @@ def settling(gaps: Sequence[float]) -> int:
     return 1
 
 
+def settled(states: Sequence[Array], most: int) -> int:
+    """The same, of at most so many periods, by the states that a solution has had at the ends of periods."""
+    size = np.ptp(states, axis=0)
+    moves = size > 0
+    first, *later = states[-1 - 2 * most :]
+    return settling([float(np.max(np.abs(x - first)[moves] / size[moves], initial=0.0)) for x in later])
+
+
 def return_time(solution: Solution, start: float, goal: Array, speed: Array, leaves: bool) -> float | None:
     """When a solution comes back through the plane across `speed` at the state `goal`, first of the returns
     that are about as near to it as any; None where none is within 0.3 of its extent.

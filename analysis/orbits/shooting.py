@@ -349,6 +349,22 @@ def least(
     return path.problem, path.u, path.left, path.pieces
 
 
+def shortest(
+    problem: Shooting, u: Array, left: float, p: Array, most: int
+) -> tuple[Shooting, Array, float]:
+    """The same autonomous orbit of one node with its least period, that found over up to `most`."""
+    sol = problem.solutions(u, p)[0].sol
+    assert sol is not None
+    size = float(np.max(np.ptp(sol(np.linspace(0.0, float(u[-1]), 64)), axis=1)))
+    for count in range(most, 1, -1):
+        if np.max(np.abs(sol(float(u[-1]) / count) - u[:-1])) < SAME * size:
+            try:
+                return newton(problem, np.append(u[:-1], u[-1] / count), p)
+            except SolveError:
+                continue
+    return problem, u, left
+
+
 class _Path:
     """A forced orbit of some period, with what tells whether it repeats within it."""
 
