@@ -248,6 +248,8 @@ class Decisions(AtState):
                 return
             raise Refusal("tangency", f"a reset leaves the state at rest on surface {self.named([i])}.")
         low = off * off <= -2 * free * 1e2 * self.noise(i, self.t, self.x)
-        if contact and sign * off > 0 and (low or 2 * abs(off) <= -free * SHORTEST * abs(self.t)):
+        # What has come this near by ever shorter flights does not go through: its limit is the surface.
+        shrunk = self.crowd > 0 and sign * off < 0
+        if shrunk or (contact and sign * off > 0 and (low or 2 * abs(off) <= -free * SHORTEST * abs(self.t))):
             raise Refusal("zeno", f"resets accumulate at surface {self.named([i])}.")
         self.m[i], self.order[i] = (1 if off > 0 else -1), 1

@@ -417,6 +417,8 @@ static void bounce(Run *r, int i, int sign, double size) {
         }
         return;
     }
+    /* What has come this near by ever shorter flights does not go through: its limit is the surface. */
+    if (r->crowd > 0 && sign * off < 0) refuse(r, ZENO, i);
     if (contact && sign * off > 0
         && (off * off <= -2 * unpushed * 1e2 * noise(r, i, r->t, r->x)
             || 2 * fabs(off) <= -unpushed * SHORTEST * fabs(r->t)))

@@ -62,7 +62,7 @@ class Automaton(Decisions):
             )
         super().__init__(model, x0, t0, parameters)
         self.first, self.rtol, self.atol, self.room = float(t0), rtol, atol, max_steps
-        self.crowd, self.last = 0, -math.inf
+        self.last = -math.inf
         self.clocks = model.clocks(self.p)
         # Kept, not taken from t: a step may end within rounding before an instant, which is still to come.
         self.waiting = [clock.after(self.t + self.same()) for clock in self.clocks]

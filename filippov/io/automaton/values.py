@@ -112,6 +112,7 @@ class AtState:
         self.since, self.widest = [self.t] * len(self.m), [0.0] * len(self.m)
         # Kinks on which the state stays until the next event: their h is not watched, and has to stay 0.
         self.still = [False] * len(self.m)
+        self.crowd = 0  # events in a row that pile up
         self.length, self.atol = 0.0, 1e-12  # of the next step, 0 at the start
 
     def sliding(self) -> list[int]:
