@@ -49,6 +49,8 @@ EVENTS = ("dwell", "sliding", "period")
 TAIL = ("min", "max", "mean", "amplitude")
 NAMES = (*ENDS, *EVENTS, *TAIL)
 FINER = 8
+# So many of the highest tops are refined, by so many rounds that each leave a quarter.
+TOPS, ROUNDS = 256, 9
 _NOTHING = Dependence("")
 _TEXT = re.compile(r"\s*([A-Za-z_]+)\s*(?:\((.*)\))?\s*")
 
@@ -299,15 +301,40 @@ def _of_tail(name: str, solution: Solution, read: Callable[[Array, str], Array],
 
 
 def _highest(read: Callable[[Array, str], Array], t: Array, y: Array, sign: float) -> float:
-    """The largest sign * value: the best sample of all steps, refined between its neighbours in its step."""
-    from scipy.optimize import minimize_scalar
+    """The largest sign * value, samples and what lies between them: each step is looked at by itself.
 
-    step, best = divmod(int(np.argmax(y)), FINER + 1)
-    low, high = sorted((float(t[step, max(best - 1, 0)]), float(t[step, min(best + 1, FINER)])))
-    if low == high:
-        return float(y[step, best])
-    found = minimize_scalar(
-        lambda time: -sign * float(read(np.array([time]), "-")[0]), bounds=(low, high), method="bounded",
-        options={"xatol": 1e-10 * max(1.0, abs(high))},
-    )  # fmt: skip
-    return float(max(y[step, best], -found.fun))
+    A top between samples is searched beside each that the parabola through it and its neighbours lifts above
+    the best sample, twice as far to be sure, all of them side by side.
+    """
+    best, lift = float(np.max(y)), _lift(y)
+    reach = y + 2.0 * lift
+    # A best sample at the end of a step may have its top in the next one, and several tops are as high.
+    steps, places = np.nonzero((reach >= best) & (lift > 0))
+    if steps.size == 0:
+        return best
+    chosen = np.argsort(-reach[steps, places], kind="stable")[:TOPS]
+    steps, places = steps[chosen], places[chosen]
+    low, high = t[steps, np.maximum(places - 1, 0)], t[steps, np.minimum(places + 1, FINER)]
+    for _ in range(ROUNDS):
+        part = (high - low)[:, None] / FINER
+        inner = low[:, None] + part * (0.5 + np.arange(FINER))
+        found = sign * read(inner.ravel(), "-").reshape(inner.shape)
+        best = max(best, float(np.max(found)))
+        top = np.take_along_axis(inner, np.argmax(found, axis=1)[:, None], axis=1)
+        low, high = np.maximum(low, (top - part)[:, 0]), np.minimum(high, (top + part)[:, 0])
+    return best
+
+
+def _lift(y: Array) -> Array:
+    """How far the top of the parabola through a sample and its two neighbours is above it; at the ends of a
+    step of the one through the last three, 0 where that has no top between the last two."""
+    out = np.zeros_like(y)
+    for j in range(y.shape[1]):
+        at = min(max(j, 1), y.shape[1] - 2)
+        a, b, c = y[:, at - 1], y[:, at], y[:, at + 1]
+        bend = a - 2.0 * b + c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            place = np.where(bend < 0, 0.5 * (a - c) / bend, 0.0)
+        beside = np.abs(place - (j - at)) <= 1.0
+        out[:, j] = np.where(beside, np.maximum(b - 0.5 * bend * place**2 - y[:, j], 0.0), 0.0)
+    return out
