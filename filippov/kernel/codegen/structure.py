@@ -11,11 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-
-from sympy import Expr
+from typing import TYPE_CHECKING
 
 from filippov.kernel.language.unit import Constant
-from filippov.model.surface import Surface
+
+if TYPE_CHECKING:
+    from sympy import Expr
+
+    from filippov.model.surface import Surface
 
 
 @dataclass(frozen=True)

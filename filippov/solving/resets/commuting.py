@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
 
 from filippov.base.arrays import Array
@@ -97,12 +96,16 @@ def _groups(system: System, due: tuple[int, ...]) -> tuple[tuple[int, ...], ...]
     if form is None:
         return (due,)
     rows = [*(form.reset or [None] * len(form.h)), *form.time_reset]
-    graph = nx.Graph()
-    graph.add_nodes_from(due)
     known = {i: _effect(form, rows[i]) for i in due if i < len(rows)}
-    for i, j in itertools.combinations(known, 2):
-        if not _commute(known[i], known[j], form):
-            graph.add_edge(i, j)
+    pairs = [
+        (i, j) for i, j in itertools.combinations(known, 2) if not _commute(known[i], known[j], form)
+    ]
+    if not pairs:
+        return tuple((i,) for i in due)
+    import networkx as nx  # takes longer to import than most runs
+
+    graph = nx.Graph(pairs)
+    graph.add_nodes_from(due)
     return tuple(tuple(sorted(group)) for group in nx.connected_components(graph))
 
 
