@@ -44,6 +44,7 @@ from filippov.solving.state.options import (
     given_options,
 )
 from filippov.solving.state.problem import Problem, no_system
+from filippov.solving.traced import as_expressions
 
 
 def _needs_system(function: str, given: object) -> None:
@@ -221,6 +222,7 @@ def _solved(
         return tree
     if of_tree:
         raise UsageError(f"{', '.join(of_tree)} need nonunique='branch'.")
+    users = as_expressions(problem.system, problem.p, users)
     times = None if t_eval is None else check_times(t_eval, problem.t_span)
     if times is not None and not checked.dense_output:
         raise UsageError("t_eval needs the dense output; drop dense_output=False.")

@@ -13,6 +13,7 @@ from filippov.kernel.loop.field import project, set_mode
 from filippov.kernel.loop.land import NO_RATE, guard_scale
 from filippov.kernel.loop.model import (
     CONTACT,
+    HELD,
     RESET_FROM,
     ROLE,
     SAME_AS,
@@ -102,7 +103,7 @@ def lands(
             value, near = m[j] * w.h[j], noise(j, t, y, w)
             if j == i or abs(SAME_AS[j]) == i + 1 or value + WIDTH[j] > near:
                 continue
-            if RESET_FROM[j] != 0 or attempt == 1 or not (value + WIDTH[j] < -near):
+            if RESET_FROM[j] != 0 or HELD[j] != 0 or attempt == 1 or not (value + WIDTH[j] < -near):
                 return 1
             m[j] = -m[j]
             over = True
