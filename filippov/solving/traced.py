@@ -38,9 +38,10 @@ MOST_STATES = 200
 
 def as_expressions(system: System, p: Array, users: tuple[UserEvent, ...]) -> tuple[UserEvent, ...]:
     """The events, with an expression for a function that is one of a surface, or of states alone."""
-    form = system.symbolic
     called = [user for user in users if isinstance(user.g, FunctionType) and _is_arithmetic(user.g)]
-    if form is None or not called or len(form.x) > MOST_STATES:
+    # Expressions are made when they are asked for.
+    form = system.symbolic if called else None
+    if form is None or len(form.x) > MOST_STATES:
         return users
     from filippov.model.symbols import t
 
