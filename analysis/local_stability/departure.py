@@ -13,7 +13,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.algebra import linalg
-from filippov.analysis.algebra.attraction import CLEAR, attraction, leaving
+from filippov.analysis.algebra.attraction import CLEAR, MOST, attraction, leaving
 from filippov.analysis.local_stability.set_parts import spots
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Statement
@@ -29,7 +29,7 @@ def departure(context: Context, mode: str, x: Sequence[Expr], free: Mapping[Symb
 
     free    values of the symbols that are free in x, of a set of equilibria
     """
-    found = _rates(context, mode, x, free)
+    found = _rates(context, mode, x, free) if mode.count("0") <= MOST else None
     way = None if found is None else leaving(*found)
     if way is None:
         return ""
@@ -84,10 +84,12 @@ def _rates(
         return None
     put = {q: sympy.S(e).xreplace(dict(free)) for q, e in zip(form.x, x, strict=True)}
 
-    def at(expression: Expr) -> Expr:
-        return at_rest(sympy.S(expression).xreplace(form.sizes_at_mode(mode)).subs(context.put).subs(put))
+    sizes, all_rates = form.sizes_at_mode(mode), form.rates(mode)
 
-    s, rates = [form.s[i] for i in on], [at(form.rates(mode)[i]) for i in on]
+    def at(expression: Expr) -> Expr:
+        return at_rest(sympy.S(expression).xreplace(sizes).subs(context.put).subs(put))
+
+    s, rates = [form.s[i] for i in on], [at(all_rates[i]) for i in on]
     if len(on) == 1:
         above, below = (context.number(rates[0].subs(s[0], sympy.Integer(sigma))) for sigma in (1, -1))
         rows = np.array([[0.5 * (above - below), 0.5 * (above + below)]])
