@@ -24,6 +24,7 @@ from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.set_slope import log_slope, near_set
 from filippov.analysis.orbits.orbit import Orbit, cycle_of_modes, make_orbit, whole_period
 from filippov.analysis.orbits.shooting import NoConvergenceError, velocity_at
+from filippov.analysis.orbits.time_limit import time_left
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.base.arrays import Array, Complex
 from filippov.base.changed import changed
@@ -429,7 +430,8 @@ class OrbitProblem:
         p, period = self.p(value), shooting.period(self.p(value))
         part = solve(
             shooting.system, u, (low, t), parameters=solution.problem.parameters, rtol=shooting.rtol,
-            atol=shooting.atol, method=shooting.method, zeno="continue", nonunique="stick",
+            atol=shooting.atol, method=shooting.method, max_time=time_left(), zeno="continue",
+            nonunique="stick",
         )  # fmt: skip
         if part.status is not Status.SUCCESS:
             return None

@@ -21,6 +21,7 @@ from filippov.analysis.bifurcations.branch_problem import OrbitProblem
 from filippov.analysis.bifurcations.corrector import FAILURES, Along
 from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS, contacts
 from filippov.analysis.bifurcations.tangency import nearest, tangencies
+from filippov.analysis.orbits.time_limit import time_left
 from filippov.analysis.sensitivity.variation import signs_at
 from filippov.base.arrays import Array
 
@@ -114,8 +115,8 @@ def closes_elsewhere(at: Along) -> bool:
         start = np.asarray(solution.sol(t, side="+"))
         again = solve(
             shooting.system, start, (t, t + high - low), parameters=solution.problem.parameters,
-            rtol=shooting.rtol, atol=shooting.atol, method=shooting.method, zeno="continue",
-            nonunique="stick",
+            rtol=shooting.rtol, atol=shooting.atol, method=shooting.method, max_time=time_left(),
+            zeno="continue", nonunique="stick",
         )  # fmt: skip
     except FAILURES:
         return False

@@ -16,11 +16,12 @@ from filippov.analysis.orbits.floquet import product_multipliers, return_factors
 from filippov.analysis.orbits.margin import Margin, margin
 from filippov.analysis.orbits.oddness import is_odd
 from filippov.analysis.orbits.shooting import NoConvergenceError, Shooting
+from filippov.analysis.orbits.time_limit import check_time, time_left
 from filippov.base.arrays import Array, Complex
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
 from filippov.base.shown import Told
-from filippov.base.status import EventKind, mode_text
+from filippov.base.status import EventKind, Status, mode_text
 from filippov.graphs.word import word_of
 from filippov.io.stored_system import system_data, system_of
 from filippov.solving.state.events import Event, Mode
@@ -272,8 +273,10 @@ def _whole(problem: Shooting, x0: Array, period: float, p: Array) -> Solution:
     begin = problem.begin(p)
     solution = solve(
         problem.system, x0, (begin, begin + period), parameters=values, rtol=problem.rtol, atol=problem.atol,
-        method=problem.method, zeno="continue", nonunique="stick",
+        method=problem.method, max_time=time_left(), zeno="continue", nonunique="stick",
     )  # fmt: skip
+    if solution.status is Status.TIMEOUT:
+        check_time()
     if not solution.success:
         raise SolveError(f"the solution along the orbit ended early: {solution.message}", solution)
     return solution
