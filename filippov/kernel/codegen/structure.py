@@ -110,7 +110,6 @@ class Structure:
         }
 
 
-
 def same_as(h: Sequence[Expr], surfaces: Sequence[Surface]) -> list[int]:
     """Of every observer k + 1 where it has the function of surface k, -k - 1 with the other sign, else 0.
 

@@ -91,9 +91,7 @@ def goes_off(
 
 
 @kernel
-def lands(
-    t: float, y: Vector, p: Vector, m: Vector, i: int, w: Scratch, ctx: Indices
-) -> int:
+def lands(t: float, y: Vector, p: Vector, m: Vector, i: int, w: Scratch, ctx: Indices) -> int:
     """0 where the signs after the reset of surface i are clear, and in m: its own is left. Else 1, or -1."""
     for attempt in range(2):
         if guards(t, y, p, m, w.h, ctx) != 0 or gradients(t, y, p, m, w.g, w.gt, ctx) != 0:
@@ -165,6 +163,7 @@ def reset_state(
     m[i] = 1.0 if rate > 0.0 else -1.0
     order[i] = 1
     return RESET
+
 
 @kernel
 def apply_reset(
