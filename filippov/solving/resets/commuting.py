@@ -38,7 +38,7 @@ def composed(run: Run, x: Array, size: Array, mode: Array, due: Sequence[int]) -
 
     size: per state the magnitude of which differences are rounding.
     """
-    machine, reads = run.machine, len(due) > 1 and reads_signs(run.machine)
+    machine, reads = run.machine, len(due) > 1 and reads_signs(run.machine.system)
 
     def reset(i: int, at: Array, signs: Array) -> _At:
         after = machine.reset(i, run.t, at, signs)

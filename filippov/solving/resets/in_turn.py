@@ -8,18 +8,21 @@ where the state now is.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from filippov.base.arrays import Array
+from filippov.model.system import System
 from filippov.solving.state.machine import Machine
 
 EPS = float(np.finfo(float).eps)
 
 
-def reads_signs(machine: Machine) -> bool:
+@lru_cache(maxsize=256)
+def reads_signs(system: System) -> bool:
     """Whether a reset holds a sign or a condition on the states; plain functions look at the state itself."""
-    form = machine.system.symbolic
+    form = system.symbolic
     if form is None:
         return False
     signs = {*form.s, *form.a}
@@ -31,7 +34,7 @@ def states_in_turn(
     machine: Machine, t: float, x: Array, mode: Array, order: Sequence[int]
 ) -> Iterator[tuple[int, Array, Array, Array]]:
     """(number of a reset, state and mode before it, state after it) for each reset of an order."""
-    reads = len(order) > 1 and reads_signs(machine)
+    reads = len(order) > 1 and reads_signs(machine.system)
     for i in order:
         after = machine.reset(i, t, x, mode)
         yield i, x, mode, after
