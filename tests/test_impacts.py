@@ -361,6 +361,14 @@ def test_F15_a_ball_between_closing_walls_ends_where_they_meet() -> None:
         assert run.zeno is not None
         assert run.zeno.t == pytest.approx(1 / c, rel=1e-3)
         assert abs(run.zeno.t - 1 / c) <= run.zeno.error
+        # What is watched has no part in the law: half of the events here, and of the budget.
+        watched = solve(
+            press, start, (0, 2 / c), parameters={"c": c}, max_events=8000, events=[y, y - 0.3 * v]
+        )
+        assert watched.status is Status.ZENO
+        assert watched.zeno is not None
+        assert abs(watched.zeno.t - 1 / c) <= watched.zeno.error <= 1e-2 / c
+        assert set(watched.zeno.surfaces) == {0, 1}
     slow = solve(press, (0.1, 0.5), (0, 1e9), parameters={"c": 1e-12}, max_events=4000)
     assert slow.status is Status.MAX_EVENTS  # a regular sequence is no accumulation
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from filippov import Status, System, parameters, sign, solve, sqrt, states
+from filippov import Status, System, TimeEvent, parameters, sign, solve, sqrt, states
 
 PROFILE = os.environ.get("FILIPPOV_PROFILE", "default")
 DRAWS = {"default": 6, "ci": 20, "nightly": 1000}[PROFILE]
@@ -130,3 +130,20 @@ def test_11_8_slow_spirals_around_two_folds() -> None:
         on = solve(ocean(), (0.9, 0.5), (0, 40), rtol=rtol, max_events=4000, zeno="continue")
         assert on.success
         np.testing.assert_allclose(on.x_end, [0.75, 0.6], atol=1e-12)
+
+
+def test_11_8_what_is_watched_and_clocks_have_no_part_in_a_slow_spiral() -> None:
+    """x'' = -c x' - sgn x: v falls as exp(-c t/3), with events of the user or ticks that move nothing too."""
+    c = 0.2
+    half, field = 3 * np.log(2) / c, {X: Y, Y: -c * Y - sign(X)}
+    system, ticking = System(field), System(field, time_events=[TimeEvent("tick", period=0.05)])
+    for whole, events, most in (
+        (system, [Y], 4000), (system, [X, X + Y, lambda t, x: x[1] - x[0]], 8000), (ticking, [Y], 8000),
+    ):  # fmt: skip
+        end = solve(whole, (1, 0.3), (0, 1e5), events=events, max_events=most)
+        assert end.status is Status.MAX_EVENTS
+        told = float(end.message.split("halves every ")[1].split()[0])
+        assert told == pytest.approx(half, rel=0.03)
+        on = solve(whole, (1, 0.3), (0, 200), events=events, max_events=most, zeno="continue")
+        assert on.success, on.message
+        np.testing.assert_allclose(on.x_end, 0, atol=1e-12)

@@ -24,9 +24,9 @@ from filippov.solving.resets.jumps import pending, reset_surfaces_at, settle, so
 from filippov.solving.resets.passed import passed, slipped
 from filippov.solving.resets.reset_cycle import rests_in_cycle
 from filippov.solving.resets.rest import CLOSE, FAR
-from filippov.solving.resets.slow_spiral import slow_spiral
+from filippov.solving.resets.slow_spiral import power_law, slow_spiral
 from filippov.solving.resets.starts import begin, starting
-from filippov.solving.resets.zeno import Accumulation, accumulates, power_law
+from filippov.solving.resets.zeno import Accumulation, accumulates
 from filippov.solving.selection.ambiguity import BACKWARDS, SPIRAL, Ambiguity, listing, noted, picked
 from filippov.solving.selection.attraction import LOST, Attraction
 from filippov.solving.selection.fold_point import depart, followers, funnelled

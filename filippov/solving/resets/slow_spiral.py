@@ -1,7 +1,8 @@
-"""Cycles around a corner that shrink as a power of their number: infinitely many events, no limit in time.
+"""Cycles that shrink as a power of their number: no steady ratio tells their limit.
 
-So do those of one surface around h = h' = 0 where its sign acts on h'' alone: the speed across it is the
-distance.
+Between walls that close in on each other they have a limit in time (`power_law`). Around a corner there are
+infinitely many and none (`slow_spiral`); so around h = h' = 0 of one surface whose sign acts on h'' alone:
+there the speed across it is the distance.
 
 Where the field of every mode is finite at the corner and the cycles are marginal to first order, the distance
 d of the n-th cycle obeys d' = d - a d**2, so d falls as 1/n; a cycle lasts a time in proportion to d, so d
@@ -28,6 +29,9 @@ LEAST_LAPS, STEADY = 64, 0.1
 SLOW, FAST = 0.6, 1.6
 LEVEL = 0.5
 RECENT = 64
+# Of a limit in time: least number of events, how much shorter each half of them is to be than the one before,
+# and how well the halves are to agree.
+LEAST_EVENTS, HALVES, ALIKE = 512, 0.9, 0.05
 
 
 @dataclass(frozen=True)
@@ -59,8 +63,13 @@ class SlowSpiral:
 
 def slow_spiral(run: Run) -> SlowSpiral | None:
     """The spiral to which the events so far belong, None where they follow no such law."""
-    machine, events = run.machine, run.events
-    if len(events) < 4 * LEAST_LAPS or len(events) < events.total:
+    machine, m = run.machine, run.machine.m
+    # What is watched alone and clocks that move nothing have no part in the law.
+    events = [e for e in run.events if e.index < m and machine.roles[e.index] != "observer"]
+    if len(events) < 4 * LEAST_LAPS or len(run.events) < run.events.total:
+        return None
+    clocks = {event.index - m for event in run.events[-RECENT:] if event.index >= m}
+    if any(machine.system.time_events[k].reset is not None for k in clocks):
         return None
     recent = events[-RECENT:]
     part = tuple(sorted({event.index for event in recent}))
@@ -92,6 +101,33 @@ def slow_spiral(run: Run) -> SlowSpiral | None:
         x = folds
     half_life = abs(times[2] - times[1]) / powers[1]
     return SlowSpiral(part, run.t, x, float(np.max(np.abs(x - run.x))), half_life, powers[1])
+
+
+def power_law(run: Run) -> Accumulation | None:
+    """The limit of events whose intervals shrink by a power of their number, as between closing walls.
+
+    Then t_n = t - c n**-k: the last half of the events took 2**-k of the time that the half before took.
+    None where three such halvings do not agree.
+    """
+    past, roles = run.events.past(len(run.events)), run.machine.roles
+    # What is watched alone, and clocks, have no part in the law.
+    own = [i < len(roles) and roles[i] != "observer" for i in past.surface.tolist()]
+    times, surfaces = past.t[own], past.surface[own]
+    n = len(times)
+    if n < LEAST_EVENTS or len(run.events) < run.events.total:
+        return None
+    spans = np.abs(np.diff(times[[n // 16, n // 8, n // 4, n // 2, n - 1]]))
+    if not np.all(spans > 0):
+        return None
+    ratios = spans[1:] / spans[:-1]
+    if np.max(ratios) >= HALVES or np.ptp(ratios) > ALIKE:
+        return None
+    rest = spans[1:] * ratios / (1.0 - ratios)
+    limits = np.cumsum(spans)[1:] + rest
+    error = float(abs(limits[-1] - limits[-2]))
+    t = float(times[-1] + run.direction * rest[-1])
+    part = tuple(sorted(set(surfaces[-64:].tolist())))
+    return Accumulation(t, run.x.copy(), error, float(np.max(np.abs(run.x), initial=0.0)), 1.0, part)
 
 
 def _distance(run: Run, event: Event, surfaces: tuple[int, ...]) -> float:

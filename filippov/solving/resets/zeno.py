@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from filippov.base.arrays import Array
 from filippov.base.status import EventKind
-from filippov.kernel.loop.event_cycle import CHOSEN, CYCLES, LONGEST_CYCLE, NEAR_END, STEADY
+from filippov.kernel.loop.event_cycle import CHOSEN, CYCLES, LONGEST_CYCLE, NEAR_END
 from filippov.kernel.loop.limit import GLOBAL
 from filippov.kernel.loop.segment import IN_TIME
 from filippov.kernel.loop.state import Past as PastRecord
@@ -26,8 +26,6 @@ from filippov.solving.state.run import Run, guard_terms
 LARGEST_CORNER = 6
 # Depth of a cycle, in tolerances of h, below which it may shrink by a law of its own.
 FAINT = 40.0
-# Of a power law: least number of events, and how much shorter each half of them is to be than the one before.
-LEAST_EVENTS, HALVES = 512, 0.9
 EPS = float(np.finfo(float).eps)
 
 
@@ -261,7 +259,8 @@ def accumulates(run: Run) -> bool:
     if len(run.events) < back:
         return False
     near = _near_end(run)
-    if run.events[-1].kind is EventKind.CROSSING or _without_contact(run):
+    last = run.last_decided()
+    if (last is not None and last.kind is EventKind.CROSSING) or _without_contact(run):
         speed, scale, known = _depth(run)
         shallow = run.machine.call("shallow", speed=speed, scale=scale, known=known, length=_interval(run))
         near = np.inf if shallow else near
@@ -283,8 +282,10 @@ def bounces_on(run: Run) -> bool:
 
 def _without_contact(run: Run) -> bool:
     """Whether the last event is a reset of a surface on which nothing rests."""
-    last, machine = run.events[-1], run.machine
-    return last.kind is EventKind.RESET and last.index < machine.m and not machine.contacts[last.index]
+    last, machine = run.last_decided(), run.machine
+    if last is None or last.kind is not EventKind.RESET:
+        return False
+    return last.index < machine.m and not machine.contacts[last.index]
 
 
 def distant(run: Run, limit: Accumulation) -> bool:
@@ -336,30 +337,6 @@ def _depth(run: Run) -> tuple[float, float, float]:
     if run.clock.relative == -float(last.index + 1) or impact:
         known = 0.0
     return speed, scale, FAINT * known
-
-
-def power_law(run: Run) -> Accumulation | None:
-    """The limit of events whose intervals shrink by a power of their number, as between closing walls.
-
-    Then t_n = t - c n**-k: the last half of the events took 2**-k of the time that the half before took.
-    None where three such halvings do not agree.
-    """
-    times, _ = run.events.table()
-    n = len(times)
-    if n < LEAST_EVENTS or n < run.events.total:
-        return None
-    spans = np.abs(np.diff(times[[n // 16, n // 8, n // 4, n // 2, n - 1]]))
-    if not np.all(spans > 0):
-        return None
-    ratios = spans[1:] / spans[:-1]
-    if np.max(ratios) >= HALVES or np.ptp(ratios) > STEADY:
-        return None
-    rest = spans[1:] * ratios / (1.0 - ratios)
-    limits = np.cumsum(spans)[1:] + rest
-    error = float(abs(limits[-1] - limits[-2]))
-    t = float(times[-1] + run.direction * rest[-1])
-    part = tuple(sorted({event.index for event in run.events[-64:]}))
-    return Accumulation(t, run.x.copy(), error, float(np.max(np.abs(run.x), initial=0.0)), 1.0, part)
 
 
 class _Law(NamedTuple):

@@ -109,8 +109,7 @@ def slide_again(run: Run, point: Point, base: Mode, i: int, attracts: float, lef
 def _beginning(run: Run) -> tuple[float, Array]:
     """Where the present mode began: at the last event, or where it was taken up."""
     t, x = run.taken
-    if run.events:
-        last = run.events[-1]
-        if (last.t - t) * run.direction > 0.0:
-            return last.t, np.array(last.x if last.x_after is None else last.x_after)
+    last = run.last_decided()
+    if last is not None and (last.t - t) * run.direction > 0.0:
+        return last.t, np.array(last.x if last.x_after is None else last.x_after)
     return t, x

@@ -17,7 +17,7 @@ from filippov.kernel.tables import codes
 from filippov.kernel.tables.root_tables import NODES
 from filippov.solving.state.clocks import Clocks, start_clock
 from filippov.solving.state.event_log import EventLog
-from filippov.solving.state.events import Mode, Stop
+from filippov.solving.state.events import Event, Mode, Stop
 from filippov.solving.state.gradients import check_gradients, scatter
 from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import Options
@@ -344,6 +344,12 @@ class Run:
     def held_along(self) -> list[int]:
         """The surfaces off which the solution does not slide, and on which others hold it."""
         return [int(i) for i in np.flatnonzero(self.order == codes.ALONG)]
+
+    def last_decided(self) -> Event | None:
+        """The last event of what decides the solution: not of observers and user events."""
+        roles, m = self.machine.roles, self.machine.m
+        decided = (e for e in reversed(self.events) if e.index >= m or roles[e.index] != "observer")
+        return next(decided, None)
 
     @property
     def attempts(self) -> int:
