@@ -30,13 +30,13 @@ import numpy as np
 from filippov import Solution, System, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.reset_slopes import instant_slopes, reset_slopes, slopes_in_turn
+from filippov.analysis.sensitivity.smooth_parts import Smooth, along, arrived, cut
 from filippov.analysis.sensitivity.variation import ModeField, mode_field, signs_at, transitions
 from filippov.base.arrays import Array
 from filippov.base.keywords import keywords
 from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, mode_text
 from filippov.solving.selection.modes import successors
 from filippov.solving.state.events import Event, Mode
-from filippov.solving.state.interpolant import Interpolant
 from filippov.solving.state.machine import Machine
 from filippov.solving.state.point import Point
 
@@ -155,22 +155,10 @@ def _flow_factors(
     return out
 
 
-@dataclass(frozen=True)
-class _Smooth:
-    """A part of a segment: starts and steps, where it ends, and the exit that it begins with."""
-
-    mode: Mode
-    start: Array
-    step: Array
-    t: float
-    x: Array
-    leaving: tuple[Array, Array] | None
-
-
 def pieces(
     solution: Solution, names: tuple[str, ...], jacobian: Callable[..., Any] | None, cuts: Array
 ) -> list[tuple[Any, Array | None]]:
-    """The parts of a solution in order: (_Smooth, its transition matrix) and, for the events of an instant,
+    """The parts of a solution in order: (Smooth, its transition matrix) and, for the events of an instant,
     (Together, None). Segments are cut where they pass the times `cuts`, and left out after the last one."""
     _check_rule(solution)
     sol = solution.sol
@@ -178,24 +166,26 @@ def pieces(
         raise UsageError(
             "the derivative of the flow needs the dense output; solve without dense_output=False."
         )
-    found: list[_Smooth | Together] = []
+    found: list[Smooth | Together] = []
     begin, mode = 0, solution.start_mode
     leaving: tuple[Array, Array] | None = None
 
-    def smooth(end: int, t: float, x: Array) -> None:
+    def smooth(end: int, t: float, x: Array, here: Together | None = None) -> None:
         if end > begin:
             # A step's polynomial may reach beyond the event that ended the step.
             starts = sol.start[begin:end]
-            whole = _Smooth(mode, starts, np.diff(np.append(starts, t)), t, x, leaving)
-            found.extend(_cut(sol, whole, cuts))
+            whole = Smooth(mode, starts, np.diff(np.append(starts, t)), t, x, leaving, None)
+            if here is not None and not whole.resolved:
+                whole = replace(whole, arriving=here.arriving())
+            found.extend(cut(sol, whole, cuts))
 
     for _, group in itertools.groupby(solution.events, key=lambda event: event.group):
         events = list(group)
         t = events[0].t
         end = int(np.searchsorted(sol.direction * sol.start, sol.direction * t, side="left"))
-        smooth(end, t, events[0].x)
-        begin, mode = end, events[-1].after
         here = Together(solution, events, names, jacobian)
+        smooth(end, t, events[0].x, here)
+        begin, mode = end, events[-1].after
         found.append(here)
         leaving = here.leaving()
     smooth(len(sol.start), solution.t_end, solution.x_end)
@@ -203,7 +193,7 @@ def pieces(
         found = [piece for piece in found if sol.direction * (cuts[-1] - piece.t) >= 0]
     # All that is in one mode is integrated side by side.
     known: dict[int, Array] = {}
-    parts = [(k, part) for k, part in enumerate(found) if isinstance(part, _Smooth)]
+    parts = [(k, part) for k, part in enumerate(found) if isinstance(part, Smooth)]
     for mode in dict.fromkeys(part.mode for _, part in parts):
         field, p = mode_field(solution.problem.system, mode, names, jacobian), solution.problem.p
         mine = [(k, part) for k, part in parts if part.mode == mode]
@@ -211,38 +201,11 @@ def pieces(
         for (k, part), matrix in zip(mine, over, strict=True):
             known[k] = matrix
             if part.leaving is not None:
-                known[k] = _along(field, matrix, *part.leaving, part.t, part.x, p)
+                known[k] = along(field, matrix, *part.leaving, part.t, part.x, p)
+            if part.arriving is not None:
+                begun = sol(part.start[0], side="+")[None, :]
+                known[k] = arrived(field, known[k], part.arriving, begun, part, p)
     return [(piece, known.get(k)) for k, piece in enumerate(found)]
-
-
-def _cut(sol: Interpolant, whole: _Smooth, cuts: Array) -> list[_Smooth]:
-    """The parts of a segment between the times `cuts` that lie in it."""
-    sense, edges = sol.direction, np.append(whole.start, whole.t)
-    inside = cuts[(sense * cuts > sense * edges[0]) & (sense * cuts < sense * whole.t)]
-    if not inside.size:
-        return [whole]
-    edges = sense * np.unique(sense * np.concatenate((edges, inside)))
-    places = [0, *np.searchsorted(sense * edges, sense * inside).tolist(), edges.size - 1]
-    return [
-        _Smooth(
-            whole.mode, edges[first:last], np.diff(edges[first : last + 1]), float(edges[last]),
-            sol(edges[last], side="+") if last < places[-1] else whole.x, None if first else whole.leaving,
-        )
-        for first, last in itertools.pairwise(places)
-    ]  # fmt: skip
-
-
-def _along(
-    field: ModeField, matrix: Array, slope: Array, velocity: Array, t: float, x: Array, p: Array
-) -> Array:
-    """A transition matrix from an exit, made to carry y' at the exit into y' at (t, x), as the flow does.
-
-    Next to a surface where the field has an infinite slope, the quadrature excites a solution that only a
-    displacement across the manifold of exits excites; what moves along y' is known without it.
-    """
-    s = field.multipliers(np.array([t]), x[None, :], p)
-    there = field.velocity(np.array([t]), x[None, :], s, p)[0]
-    return np.asarray(matrix + np.outer(there - matrix @ velocity, slope) / (slope @ velocity))
 
 
 def saltation(solution: Solution, event: Event) -> Array:
@@ -348,6 +311,16 @@ class Together:
         if len(reached) == 1:
             return self._one(self.before, self.after, reached[0])
         return self._several(reached)
+
+    def arriving(self) -> Array | None:
+        """G_y of the surface that is reached first, from beside it; None where none is, or without speed."""
+        for event in self.events:
+            if not passive(event) and event.index < len(self.before) and self.before[event.index] != 0:
+                try:
+                    return self.rate(self.before, event.index, 1)[0]
+                except NotDifferentiableError:
+                    return None
+        return None
 
     def leaving(self) -> tuple[Array, Array] | None:
         """G_y and y' where the instant is one sliding exit, across which y' is continuous; else None."""
