@@ -159,7 +159,7 @@ def _speeds(solution: Solution, jacobian: Callable[..., Any] | None) -> list[tup
         if event.kind is EventKind.CROSSING:
             checks.append((event.after, here.guard(event.after, i, side)))
         for mode, slope in checks:
-            velocity = here.field(mode)[1]
+            velocity = here.velocity(mode)
             size = float(np.linalg.norm(slope) * np.linalg.norm(velocity))
             out.append((abs(float(slope @ velocity)) / size if size else 0.0, event.t))
     return out

@@ -329,14 +329,17 @@ def _opposite(solutions: Sequence[Solution], t0: float, period: float, size: Arr
     """Whether x(t + T/2) = -x(t)."""
     begins = [solution.problem.t_span[0] for solution in solutions]
 
-    def state(t: float) -> Array:
-        sol = solutions[int(np.searchsorted(begins, t, side="right")) - 1].sol
-        assert sol is not None
-        return np.asarray(sol(t))
+    def states(t: Array) -> Array:
+        place, out = np.searchsorted(begins, t, side="right") - 1, np.empty((len(size), len(t)))
+        for k in np.unique(place).tolist():
+            sol = solutions[k].sol
+            assert sol is not None
+            out[:, place == k] = sol(t[place == k])
+        return out
 
-    times = (t0 + period * np.linspace(0.0, 0.499, 24)).tolist()
-    gap = [np.max(np.abs(state(t) + state(t + 0.5 * period))) for t in times]
-    return bool(max(gap) < _SYMMETRIC * np.max(size))
+    times = t0 + period * np.linspace(0.0, 0.499, 24)
+    gap = np.abs(states(times) + states(times + 0.5 * period))
+    return bool(np.max(gap) < _SYMMETRIC * np.max(size))
 
 
 def _half(problem: Shooting, pieces: Sequence[Solution], period: float, p: Array) -> Complex | None:

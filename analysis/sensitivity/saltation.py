@@ -248,16 +248,30 @@ class Together:
         self.system: System = solution.problem.system
         self.p, self.t, self.x = solution.problem.p, events[0].t, events[0].x
         self.before, self.after = events[0].before, events[-1].after
+        # What is asked for several times: y' by mode, G_y by mode, surface and side.
+        self._velocities: dict[Mode, Array] = {}
+        self._guards: dict[tuple[Mode, int, int], Array] = {}
 
-    def field(self, mode: Mode, at: Array | None = None) -> tuple[ModeField, Array]:
-        """The field of a mode here, or in another state, and y' in it."""
+    def velocity(self, mode: Mode) -> Array:
+        """y' in a mode here."""
+        if mode not in self._velocities:
+            self._velocities[mode] = self._velocity(mode, self.x)
+        return self._velocities[mode]
+
+    def _velocity(self, mode: Mode, state: Array) -> Array:
         part = mode_field(self.system, mode, self.names, self.jacobian)
-        t, x = np.array([self.t]), (self.x if at is None else at)[None, :]
-        return part, part.velocity(t, x, part.multipliers(t, x, self.p), self.p)[0]
+        t, x = np.array([self.t]), state[None, :]
+        return np.asarray(part.velocity(t, x, part.multipliers(t, x, self.p), self.p)[0])
 
     def guard(self, mode: Mode, i: int, side: int) -> Array:
         """G_y of surface i in a mode: of h where it is off it, of the multiplier less its end where it slides
         (side: +1 the upper end, -1 the lower)."""
+        key = mode, i, side
+        if key not in self._guards:
+            self._guards[key] = self._guard(*key)
+        return self._guards[key]
+
+    def _guard(self, mode: Mode, i: int, side: int) -> Array:
         part = mode_field(self.system, mode, self.names, self.jacobian)
         t, x = np.array([self.t]), self.x[None, :]
         s = part.multipliers(t, x, self.p)
@@ -269,7 +283,7 @@ class Together:
 
     def rate(self, mode: Mode, i: int, side: int) -> tuple[Array, float]:
         """G_y and G_y v in a mode. Raises NotDifferentiableError where the guard is reached without speed."""
-        slope, (_, velocity) = self.guard(mode, i, side), self.field(mode)
+        slope, velocity = self.guard(mode, i, side), self.velocity(mode)
         rate = float(slope @ velocity)
         if not abs(rate) >= 1e-10 * (np.abs(slope) @ np.abs(velocity) + 1e-300):
             raise self.refused(f"surface {self.system.surfaces[i].name!r} is reached without speed")
@@ -328,7 +342,7 @@ class Together:
         if len(self.events) != 1 or event.kind is not EventKind.EXIT or not self.leads(event):
             return None
         slope = self.guard(self.before, event.index, 1 if event.after[event.index] > 0 else -1)
-        return slope, self.field(self.after)[1]
+        return slope, self.velocity(self.after)
 
     def _reset(self, events: Sequence[Event]) -> Array:
         # What follows from the reset of a surface has the state after it, too.
@@ -347,7 +361,7 @@ class Together:
             by = reset_slopes(self.system, resets[0], self.names, self.p, self.x)
         x_after = resets[-1].x_after
         assert x_after is not None
-        before, after = self.field(self.before)[1], self.field(self.after, x_after)[1]
+        before, after = self.velocity(self.before), self._velocity(self.after, x_after)
         if clocks:
             slopes = [instant_slopes(self.system, event, self.names, self.p) for event in resets]
             slope, rate = slopes[0], 1.0
@@ -407,13 +421,13 @@ class Together:
 
     def _slides_end(self, events: Sequence[Event]) -> bool:
         """Whether the instant ends slides alone, and y' is the same after it."""
-        before, after = self.field(self.before)[1], self.field(self.after)[1]
+        before, after = self.velocity(self.before), self.velocity(self.after)
         same = np.max(np.abs(after - before)) <= 1e-9 * np.max(np.abs(before))
         return bool(same) and all(event.kind is EventKind.EXIT for event in events)
 
     def _one(self, before: Mode, after: Mode, event: Event) -> Array:
         slope, rate = self.rate(before, event.index, 1 if event.after[event.index] > 0 else -1)
-        change = self.field(after)[1] - self.field(before)[1]
+        change = self.velocity(after) - self.velocity(before)
         return np.eye(len(slope)) + np.outer(change, slope) / rate
 
     def _several(self, reached: Sequence[Event]) -> Array:
@@ -461,7 +475,7 @@ def onto_section(solution: Solution, event: Event, change: Array, names: tuple[s
     change: (N, any number), y = (x, parameters, t).
     """
     here = Together(solution, [event], names)
-    velocity = here.field(event.before)[1]
+    velocity = here.velocity(event.before)
     slope, rate = here.rate(event.before, event.index, 1 if event.after[event.index] > 0 else -1)
     rows = change.shape[0]
     moved = np.asarray(change - np.multiply.outer(velocity[:rows], slope[:rows] @ change) / rate)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from typing import TypeVar
+from functools import lru_cache
+from typing import TYPE_CHECKING, TypeVar
 
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
-from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
 from filippov.solving.solution import Solution
+
+if TYPE_CHECKING:
+    import sympy
 
 Item = TypeVar("Item", bound=Hashable)
 
@@ -73,12 +76,15 @@ def is_velocity(system: System) -> bool:
         return False
     if system.symbolic is None:
         return "velocity" in system.surfaces[0].name.lower()
-    return _is_rate(system.symbolic)
+    form = system.symbolic
+    return _is_rate(form.h[0], form.x, form.field)
 
 
-def _is_rate(form: SymbolicForm) -> bool:
-    slopes = {x: form.h[0].diff(x) for x in form.x}
-    moving = [x for x, slope in slopes.items() if slope != 0]
-    if len(moving) != 1 or slopes[moving[0]].free_symbols & set(form.x):
+# It is asked for each point of a branch.
+@lru_cache(maxsize=64)
+def _is_rate(h: sympy.Expr, x: tuple[sympy.Symbol, ...], field: tuple[sympy.Expr, ...]) -> bool:
+    slopes = {state: h.diff(state) for state in x}
+    moving = [state for state, slope in slopes.items() if slope != 0]
+    if len(moving) != 1 or slopes[moving[0]].free_symbols & set(x):
         return False
-    return any(f == moving[0] or f == form.h[0] for f in form.field)
+    return any(f in (moving[0], h) for f in field)
