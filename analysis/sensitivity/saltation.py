@@ -31,7 +31,7 @@ from filippov import Solution, System, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.reset_slopes import instant_slopes, reset_slopes, slopes_in_turn
 from filippov.analysis.sensitivity.smooth_parts import Smooth, along, arrived, cut
-from filippov.analysis.sensitivity.variation import ModeField, mode_field, signs_at, transitions
+from filippov.analysis.sensitivity.variation import mode_field, signs_at, transitions
 from filippov.base.arrays import Array
 from filippov.base.keywords import keywords
 from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, mode_text
