@@ -32,6 +32,8 @@ class PlainParts:
     jacobian   (t, x, p, s) -> df/dx, shape (n, n), the signs held; None for differences
     """
 
+    affine = False  # nobody knows
+
     def __init__(
         self, system: System, mode: tuple[int, ...], names: tuple[str, ...],
         jacobian: Callable[..., Any] | None,

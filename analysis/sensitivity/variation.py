@@ -30,7 +30,12 @@ ROUNDING = 1e-13
 
 
 class Parts(Protocol):
-    """Field, switching functions and derivatives of one mode, on many points at once."""
+    """Field, switching functions and derivatives of one mode, on many points at once.
+
+    affine   whether the rates of the sliding surfaces are known to be affine in their multipliers
+    """
+
+    affine: bool
 
     def part(self, name: str, t: Array, x: Array, s: Array, p: Array) -> Array:
         """One of f, fy, fs, h, hy, r, ry, rs, radius, radiusy: (k, rows, columns)."""
@@ -60,6 +65,9 @@ class SymbolicParts:
             "r": rate, "ry": _slopes(rate, by), "rs": _slopes(rate, free), "radius": radius,
             "radiusy": _slopes(ends, by),
         }  # fmt: skip
+        held = [i for i, sign in enumerate(mode) if sign == 0]
+        rates = matrices["rs"][held, :] if held else sympy.zeros(0, 0)
+        self.affine = not rates.free_symbols & set(free)
         self._shapes = {name: matrix.shape for name, matrix in matrices.items()}
         self._arguments = arguments
         self._matrices = matrices
@@ -68,6 +76,8 @@ class SymbolicParts:
     def part(self, name: str, t: Array, x: Array, s: Array, p: Array) -> Array:
         """One of the parts on all points: (k, rows, columns)."""
         rows, columns = self._shapes[name]
+        if not rows * columns:
+            return np.empty((t.size, rows, columns))
         if name not in self._functions:
             matrix = self._matrices[name]
             self._functions[name] = sympy.lambdify(self._arguments, list(matrix), "numpy", cse=True)
@@ -146,7 +156,7 @@ class ModeField:
             rs = self.part("rs", t, x, s, p)[:, self.sliding, :]
             change = self._newton(rs, r, t, x, s, p)
             s[:, self.sliding] -= change
-            if np.max(np.abs(change), initial=0.0) < 1e-14 * (1.0 + np.max(np.abs(s))):
+            if self.parts.affine or np.max(np.abs(change), initial=0.0) < 1e-14 * (1.0 + np.max(np.abs(s))):
                 break
         return s
 
