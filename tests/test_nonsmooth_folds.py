@@ -9,7 +9,7 @@ import pytest
 from filippov import Surface, System, cos, exp, parameters, sign, sin, states, t
 from filippov.analysis import continuation, find_orbit
 
-DRAWS = {"ci": 8, "nightly": 100}.get(os.environ.get("FILIPPOV_PROFILE", ""), 4)
+DRAWS = {"ci": 8, "nightly": 100}.get(os.environ.get("FILIPPOV_PROFILE", ""), 2)
 X, V = states("x v")
 # Slip orbit that grazes the belt's speed, by scipy; Hopf point where the force falls as the damping grows.
 GRAZING, HOPF = 0.97331525, 0.1 * math.log(40)

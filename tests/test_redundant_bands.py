@@ -26,7 +26,7 @@ from filippov import (
 
 KINDS = [Switch, Karnopp]
 ETA = parameters(eta=Parameter(1e-3, lower=1e-12)).eta
-SEEDS = {"ci": 10, "nightly": 40}.get(os.environ.get("FILIPPOV_PROFILE", ""), 3)
+SEEDS = {"ci": 10, "nightly": 40}.get(os.environ.get("FILIPPOV_PROFILE", ""), 2)
 q0, q1, v, w = states("q0 q1 v w")
 
 
