@@ -1,6 +1,7 @@
 """Sliding of second order: a super-twisting controller rests, or ends with a name, after its accumulation."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -110,3 +111,51 @@ def test_non_lipschitz_equilibrium_is_reached_and_kept(power: sympy.Rational, me
     assert got.events[0].t == pytest.approx(1 / (1 - float(power)), abs=1e-6)
     middle = got.sol(0.5)[0]
     assert middle == pytest.approx((1 - (1 - float(power)) * 0.5) ** (1 / (1 - float(power))), rel=1e-9)
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e-9, -1e-9, 1e-6])
+def test_relay_of_order_two_that_starts_within_the_tolerance_of_its_slide(speed: float) -> None:
+    """Cycles of such a speed and length went on one by one, and their end moved z by half of it.
+
+    w = z - v/2 feels no switching: w' = -z/2, so w falls as exp(-t/2) but for the integral of v, which is 0.
+    """
+    x, v, z = states("x v z")
+    relay = System({x: -3 * x + v, v: -2 * x + z - sign(x), z: -x - sign(x) / 2})
+    run = solve(relay, (1e-15, speed, 0.1), (0, 0.3), max_events=300)
+    assert run.success
+    assert run.modes[-1] == "0"
+    assert np.allclose(run.x_end, [0, 0, (0.1 - speed / 2) * np.exp(-0.15)], rtol=0, atol=1e-10)
+
+
+def test_relay_of_order_two_whose_cycles_grow_is_followed() -> None:
+    """The same with a zero to the right: cycles of that size grow, and are no slide."""
+    x, v, z = states("x v z")
+    relay = System({x: -x + v, v: -2 * x + z - sign(x), z: -x - 3 * sign(x)})
+    run = solve(relay, (1e-15, 0, 0.1), (0, 1), max_events=300)
+    assert run.status is Status.MAX_EVENTS
+    assert run.modes[-1] != "0"
+    assert abs(run.events[-1].x[1]) > abs(run.events[0].x[1])
+
+
+def test_cycles_above_the_tolerance_are_not_asked_each_whether_they_are_a_slide(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Every second event of a relay of order two was, 2,401 of a run of 15 s, for 25 ms each."""
+    from filippov.solving.selection import higher_order
+
+    asked, begin = [], higher_order.HigherOrder.begin
+
+    def counted(self: higher_order.HigherOrder, *args: Any, **options: Any) -> Any:
+        asked.append(self.run.t)
+        return begin(self, *args, **options)
+
+    monkeypatch.setattr(higher_order.HigherOrder, "begin", counted)
+    x, v, z, w = states("x v z w")
+    a, b, push = [4.327, 6.775, 4.562, 1.12], [1.1047, 0.0616, 0.3078], sign(x)
+    relay = System({
+        x: v - a[0] * x, v: z - a[1] * x - b[0] * push,
+        z: w - a[2] * x - b[1] * push, w: -a[3] * x - b[2] * push,
+    })  # fmt: skip
+    run = solve(relay, (0, 5.3e-6, 0.448, 0.1335), (0, 0.01), max_events=300)
+    assert run.status is Status.MAX_EVENTS
+    assert len(asked) == 1

@@ -66,10 +66,13 @@ class Reduction:
         """The highest order of sliding; 1 along kinks alone."""
         return max(self.orders, default=1)
 
-    def projected(self, time: float, x: Array, values: Mapping[Symbol, float]) -> Array:
+    def projected(
+        self, time: float, x: Array, values: Mapping[Symbol, float], along: Array | None = None
+    ) -> Array:
         """A state close by at which every constraint holds (Gauss-Newton).
 
-        What the signs act on gives way to what they do not act on, or by way of more states.
+        along: the direction of the first step. What the signs act on gives way to what they do not act on, or
+        by way of more states.
         """
         assert self.system.symbolic is not None
         states = self.system.symbolic.x
@@ -83,6 +86,10 @@ class Reduction:
             if not np.any(c):
                 break
             rows = _numbers(slopes, at) if moves or not rows.size else rows
+            if along is not None:
+                effect = np.nan_to_num(rows @ along)
+                x, along = x - along * (effect @ c / (effect @ effect or 1.0)), None
+                continue
             scale = np.linalg.norm(rows * weights, axis=1)
             scale = np.where(scale > 0.0, scale, 1.0)
             step, *_ = np.linalg.lstsq(rows * weights / scale[:, None], c / scale, rcond=1e-13)

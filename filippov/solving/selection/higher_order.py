@@ -1,12 +1,12 @@
 """Sliding of higher order as a mode of a run: when it begins, which system follows it, how it is left.
 
-A solution gets onto h = h' = 0 where its cycles pile up, where it arrives without any (overdamped
-super-twisting), or where it starts there. From then on the run goes on with the machine of a `reduction`; its
-own one comes back where a multiplier leaves its set, or a jump of the state throws the solution off.
+A solution gets onto h = h' = 0 where its cycles pile up, where it arrives without any, or where it starts.
+The run goes on with the machine of a `reduction`, until a multiplier leaves its set or the state jumps.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ from filippov.base.status import EventKind
 from filippov.kernel.tables import codes
 from filippov.solving.selection.ambiguity import point_of
 from filippov.solving.selection.modes import Successor, leading_off
-from filippov.solving.state.events import Mode
+from filippov.solving.state.events import Event, Mode
 from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import Options
 from filippov.solving.state.run import Run, guard_terms, near_within
@@ -45,11 +45,13 @@ FAINT, ROUNDED, INSTANT, UNSURE = 40.0, 1e2, 1e5, 4e2
 TOUCHED = 1e-3
 # By how much the speed has come down in one approach where the solution has arrived.
 CAME_DOWN = 1e-3
-# Faint cycles in a row that are looked at, and how far from alike they are where they are noise.
-NOISY_LAPS, ALIKE = 6, 1e-2
+# Faint cycles in a row, how far from alike where they are noise, and how many slow down where they fade.
+NOISY_LAPS, ALIKE, FADING_LAPS = 6, 1e-2, 48
 # Of the time of the run: how long ago a slide ended that has led to where the run is.
 MOMENT = 1e-3
-NOTE = "sliding of order"
+# Of the speed at which a cycle was not faint: none slower by less is any fainter.
+SLOWER = 0.97
+NOTE, UNSETTLED = "sliding of order", "the solution does not settle there"
 PLAIN = (
     "the field is a plain function, and sliding where h and dh/dt are both 0, as under super-twisting "
     "control, takes its derivatives. Write it as expressions: System({x: y - k1*sqrt(abs(x))*sign(x), y: "
@@ -82,6 +84,8 @@ class HigherOrder:
         self.run, self.plain = run, run.machine
         self.start = run.t, run.x.copy()
         self.active: Reduction | None = None
+        self.asked: dict[int, float] = {}
+        self.rates: dict[tuple[int, float, Mode], float] = {}
         # A root of |h| in the rate of h: only what is small beside |h| itself leaves the solution as it is.
         non_lipschitz = run.machine.non_lipschitz
         if non_lipschitz is not None:
@@ -96,8 +100,8 @@ class HigherOrder:
     ) -> Begun | str:
         """Slide on these surfaces and on what is coupled to them, or say why that cannot be.
 
-        slack: how far each component of the state may be moved to get there; None for as far as a cycle that
-        is faint. alone: only where no mode leads off these surfaces.
+        slack: how far each component may be moved; None for as far as a faint cycle. alone: only where no
+        mode leads off these surfaces.
         """
         run, plain = self.run, self.plain
         if run.direction < 0:
@@ -139,7 +143,12 @@ class HigherOrder:
             return found, run.x
         if found.order < 2 and not found.kinks:
             return "their signs act on the rates themselves", run.x
-        return found, found.projected(run.t, run.x, self._parameters())
+        along = None
+        if len(found.pivots) == 1:
+            # A cycle moves the state to and fro along what its sign does.
+            sides = [np.where(np.arange(self.plain.m) == found.pivots[0], side, base) for side in (1.0, -1.0)]
+            along = np.subtract(*(self.plain.rhs(run.t, run.x, np.where(s, s, 1.0), base) for s in sides))
+        return found, found.projected(run.t, run.x, self._parameters(), along)
 
     def _taken(self, found: Reduction, base: Array, x: Array, slack: Array | None) -> Begun | str:
         """Take up the mode of a reduction, if its multipliers are in their sets."""
@@ -159,7 +168,7 @@ class HigherOrder:
                 return f"the sign of {plain.surfaces[i].name!r} would have to be {lam[i]:.6g}"
         pull = self._pull(machine, found, mode, x)
         if pull <= 0.0 or (slack is None and not self._is_faint(machine, found, mode, x, pull)):
-            return "the solution does not settle there" if pull > 0.0 else "the signs push off the surfaces"
+            return UNSETTLED if pull > 0.0 else "the signs push off the surfaces"
         if slack is not None and np.any(np.abs(x - run.x) > slack):
             return "the state is not close enough to it"
         self.active = found
@@ -269,22 +278,25 @@ class HigherOrder:
     def arrives(self, i: int) -> Begun | str:
         """Begin on a surface crossed with no more speed than the run can tell from 0, once that has settled.
 
-        It has where its speed across the surface came down by CAME_DOWN, or where the speeds of such cycles
-        follow no law.
+        It has where its speed came down by CAME_DOWN, or the speeds of such cycles follow no law or fade.
         """
         if self.active is not None or not _slides(self.plain, i):
             return "it slides already"
         if self._acts(i):
             return "its sign acts on its rate"
         now = abs(self._rate(i, self.run.t, self.run.x, self.run.mode))
-        before = [e for e in self.run.events[-64:] if e.index == i and e.kind is EventKind.CROSSING]
-        speeds = [abs(self._rate(i, e.t, e.x, np.array(e.before, dtype=float))) for e in before[-NOISY_LAPS:]]
-        elsewhere = [(e.t, e.x, np.array(e.before, dtype=float)) for e in self.run.events[-64:]]
-        points = [(*self.start, self.run.mode), *elsewhere]
-        came_down = now <= CAME_DOWN * max(abs(self._rate(i, *p)) for p in points)
-        if not came_down and not _noise([*speeds, now]):
+        if SLOWER * self.asked.get(i, 0.0) < now <= self.asked.get(i, 0.0):
+            return UNSETTLED
+        recent = [(e, (i, e.t, e.before)) for e in self.run.events[-64:]]
+        self.rates = {key: self.rates.get(key) or abs(self._rate(i, *_place(e))) for e, key in recent}
+        speeds = [self.rates[key] for e, key in recent if e.index == i and e.kind is EventKind.CROSSING]
+        first = abs(self._rate(i, *self.start, self.run.mode))
+        came_down = now <= CAME_DOWN * max(now, first, *self.rates.values())
+        if not came_down and not _noise([*speeds[-NOISY_LAPS:], now]) and not _fades(speeds):
             return "the solution has not settled"
-        return self.begin([i], None)
+        begun = self.begin([i], None)
+        self.asked[i] = now if begun == UNSETTLED else 0.0
+        return begun
 
     def slid_lately(self, stuck: bool) -> list[int]:
         """The surfaces that are slid on, or were a moment ago, unless that is of higher order.
@@ -315,10 +327,7 @@ class HigherOrder:
         return np.asarray(1e2 * (self.run.atol + self.run.options.rtol * np.abs(self.run.x)))
 
     def settles(self, slid: Sequence[int]) -> Begun | str:
-        """Begin where a slide has led to the end of its own surface, off which nothing leads.
-
-        The slope of the surface vanishes or is infinite there, and the slide has no multiplier.
-        """
+        """Begin where a slide has led to the end of its own surface, of no slope or an infinite one."""
         found: Begun | str = "it does not slide"
         for i in slid:
             found = self.begin([i], self._slack(), alone=True)
@@ -470,6 +479,14 @@ def _effects(
 
 def _slides(machine: Machine, i: int) -> bool:
     return machine.roles[i] == "switching" and machine.widths[i] == 0.0
+
+
+def _place(event: Event) -> tuple[float, Array, Array]:
+    return event.t, event.x, np.array(event.before, dtype=float)
+
+
+def _fades(speeds: Sequence[float]) -> bool:
+    return len(speeds) >= FADING_LAPS and all(b < a for a, b in itertools.pairwise(speeds))
 
 
 def _noise(speeds: Sequence[float]) -> bool:
