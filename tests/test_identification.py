@@ -1,6 +1,9 @@
 """Friction from data: records made by the exact model with stated noise, read back within their intervals."""
 
+import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import mpmath as mp
 import numpy as np
@@ -86,6 +89,38 @@ def test_friction_curve() -> None:
     for name, value in {"Fs": 4, "Fc": 2, "vs": 0.1, "beta": 1.4, "b": 1}.items():
         assert abs(got.values[name] - value) < 3.5 * got.errors[name]
     assert got.sigma == pytest.approx(0.02, rel=0.2)
+
+
+@pytest.mark.parametrize(("speed", "force"), [(1e6, 1e-6), (1e-6, 1.0), (1.0, 1e-6), (1e3, 1e6)])
+def test_a_curve_in_other_units_has_the_same_parameters_in_these(speed: float, force: float) -> None:
+    """The sum of squares is the same function: its minimum and the errors there scale as the units do."""
+    rng = np.random.default_rng(3)
+    v = np.concatenate((-np.geomspace(1, 1e-3, 40), np.geomspace(1e-3, 1, 40)))
+    points = np.sign(v) * (2 + 2 * np.exp(-((v / 0.1) ** 2))) + v + 0.05 * rng.standard_normal(v.size)
+    known, free = {"Fs": 4.0, "Fc": 2.0, "vs": 0.1, "b": 1.0}, ["Fs", "Fc", "vs", "b"]
+    unit = {"Fs": force, "Fc": force, "vs": speed, "b": force / speed}
+    plain = identify_curve(Curve(v, points), driven_mass(), free, fixed={"beta": 2})
+    start = {name: 0.8 * known[name] * unit[name] for name in free}
+    measured = Curve(speed * v, force * points)
+    got = identify_curve(measured, driven_mass(), free, start=start, fixed={"beta": 2})
+    assert got.success
+    for name in free:
+        assert got.values[name] == pytest.approx(plain.values[name] * unit[name], rel=1e-6)
+        assert got.errors[name] == pytest.approx(plain.errors[name] * unit[name], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (lambda t: Record(t, np.where(t == 3, np.nan, t), t), "x[3] is nan"),
+        (lambda t: Record(t, t, np.where(t == 5, np.inf, t)), "force[5] is inf"),
+        (lambda t: Record(np.where(t == 4, 3, t), t, t), "t[4] = 3 does not come after t[3] = 3"),
+        (lambda t: Curve(t, np.where(t == 2, np.nan, t)), "friction[2] is nan"),
+    ],
+)
+def test_samples_without_a_value_or_out_of_order_are_refused(made: Callable[[Any], Any], said: str) -> None:
+    with pytest.raises(UsageError, match=re.escape(said)):
+        made(np.arange(20.0))
 
 
 @pytest.mark.parametrize(

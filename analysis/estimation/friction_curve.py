@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import sympy
@@ -23,6 +24,13 @@ from filippov.analysis.estimation.record import Curve
 from filippov.base.arrays import Array
 from filippov.base.given import Values
 from filippov.base.keywords import keywords
+
+# Of the size of the force: what stands for a misfit that is no number.
+BEYOND = 1e6
+# Relative changes of the sum of squares, of the parameters, and the slope at which the search ends.
+CONVERGED = 1e-11
+# Of its unit: steps of a smaller parameter are no smaller.
+SMALL = 1e-3
 
 
 @keywords()
@@ -78,25 +86,60 @@ def identify_curve(
     force = _force_function(system)
     base = system.parameters.resolve({**(fixed or {}), **(start or {})})
     places = [system.parameters.index(name) for name in names]
-    low, high = parameter_bounds(system, names)
+    bounds = parameter_bounds(system, names)
 
     def misfit(theta: Array) -> Array:
         p = base.copy()
         p[places] = theta
         with np.errstate(all="ignore"):
-            return np.asarray(np.nan_to_num(friction - force(v, p), nan=1e6, posinf=1e6, neginf=-1e6))
+            return np.asarray(friction - force(v, p))
+
+    theta, slopes, success, message = _least_squares(misfit, base[places], bounds, friction)
+    residual = misfit(theta)
+    order = np.argsort(v)
+    found = estimate(
+        names, theta, residual, slopes, level, v[order], friction[order], (friction - residual)[order],
+        success, message,
+    )  # fmt: skip
+    return replace(found, fixed=given_values(fixed), labels=labels_of(system))
+
+
+def _least_squares(
+    misfit: Callable[[Array], Array], guess: Array, bounds: tuple[Array, Array], friction: Array
+) -> tuple[Array, Array, bool, str]:
+    """The best of several searches: theta, the slopes of the misfit, whether it converged, and the message.
+
+    Forces are measured in the size of the data and parameters in that of the guess, or by what moves the
+    force by its size: tests of convergence in the units of the data would end early in some of them.
+    """
+    size = float(np.sqrt(np.mean(friction**2))) or 1.0
+    unit = np.abs(guess)
+    for k in np.flatnonzero(unit == 0):
+        moved = guess.copy()
+        moved[k] = 1e-6 * size
+        moves = float(np.sqrt(np.mean((misfit(moved) - misfit(guess)) ** 2)))
+        unit[k] = 1e-6 * size * size / moves if np.isfinite(moves) and moves > 0 else 1.0
+    low, high = (edge / unit for edge in bounds)
+
+    def scaled(u: Array) -> Array:
+        return np.asarray(np.nan_to_num(misfit(u * unit) / size, nan=BEYOND, posinf=BEYOND, neginf=-BEYOND))
+
+    def search(begin: Array) -> Any:
+        return least_squares(
+            scaled, np.clip(begin, np.nextafter(low, np.inf), high), bounds=(low, high),
+            x_scale=np.maximum(np.abs(begin), SMALL), ftol=CONVERGED, xtol=CONVERGED, gtol=CONVERGED,
+        )  # fmt: skip
 
     best = None
     for factor in (1.0, 0.3, 3.0, 0.1, 10.0):
-        guess = np.clip(base[places] * factor, np.nextafter(low, np.inf), high)
-        found = least_squares(misfit, guess, bounds=(low, high), x_scale=np.maximum(np.abs(guess), 1e-6))
+        found = search(guess / unit * factor)
         if best is None or found.cost < best.cost * (1 - 1e-9):
             best = found
     assert best is not None
-    residual = misfit(best.x)
-    order = np.argsort(v)
-    found = estimate(
-        names, best.x, residual, best.jac, level, v[order], friction[order], (friction - residual)[order],
-        bool(best.success), str(best.message),
-    )  # fmt: skip
-    return replace(found, fixed=given_values(fixed), labels=labels_of(system))
+    theta = best.x * unit
+    # Far from the guess: once more in units of its own.
+    if np.any(np.abs(np.log10(np.maximum(np.abs(best.x), SMALL))) > 1):
+        unit = np.where(theta == 0, unit, np.abs(theta))
+        low, high = (edge / unit for edge in bounds)
+        best = search(theta / unit)
+    return best.x * unit, best.jac * size / unit, bool(best.success), str(best.message)

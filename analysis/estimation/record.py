@@ -46,7 +46,14 @@ class Record:
     v: Array | None = None
 
     def __post_init__(self) -> None:
-        _one_length("Record", t=self.t, x=self.x, force=self.force, v=self.v)
+        _check("Record", t=self.t, x=self.x, force=self.force, v=self.v)
+        late = np.flatnonzero(np.diff(self.t) <= 0)
+        if late.size:
+            k = int(late[0])
+            raise UsageError(
+                f"Record: t[{k + 1}] = {self.t[k + 1]:g} does not come after t[{k}] = {self.t[k]:g}, "
+                "expected times that increase. Sort the samples, and keep one of those with the same time."
+            )
 
 
 @constructor()
@@ -58,15 +65,22 @@ class Curve:
     friction: Array
 
     def __post_init__(self) -> None:
-        _one_length("Curve", v=self.v, friction=self.friction)
+        _check("Curve", v=self.v, friction=self.friction)
 
 
-def _one_length(kind: str, **columns: Array | None) -> None:
-    """Raise UsageError where the columns are not of one length."""
+def _check(kind: str, **columns: Array | None) -> None:
+    """Raise UsageError where the columns are not of one length, or hold what is no finite number."""
     shapes = {name: np.shape(column) for name, column in columns.items() if column is not None}
     if len(set(shapes.values())) > 1:
         told = ", ".join(f"{name} has shape {shape}" for name, shape in shapes.items())
         raise UsageError(f"{kind}: {told}, expected one length. Leave out the samples that lack a value.")
+    for name, column in columns.items():
+        gone = np.flatnonzero(~np.isfinite(np.asarray(() if column is None else column, dtype=float)))
+        if gone.size:
+            raise UsageError(
+                f"{kind}: {name}[{gone[0]}] is {np.asarray(column)[gone[0]]}, expected finite numbers. Leave "
+                "out the samples that lack a value."
+            )
 
 
 @keywords()
