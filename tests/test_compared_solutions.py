@@ -243,3 +243,37 @@ def test_15_4_a_shorter_cycle_in_a_short_span_has_invented_no_stick() -> None:
     table = compare(block, (0, 0), (0, 6), against=["tanh"], widths=(1e-2,))
     assert table.rows[0]["entries"] != table.rows[1]["entries"]
     assert not [said for said in table.faults if "stick" in said]
+
+
+def test_approximations_go_on_after_impacts_have_accumulated() -> None:
+    """A ball of e = 0.6 slides with v' = -0.8 sgn v from v = 2 to its stop at 2.5, and has landed at
+    sqrt(2/9.81) (1 + e)/(1 - e) = 1.8. The band of width w enters stick w/0.8 earlier and slips w^2/1.6."""
+    x, v, y, w = states("x v y w")
+    ball = System(
+        {x: v, v: -0.8 * sign(v), y: w, w: -9.81}, surfaces=[Surface("floor", y, reset={w: -0.6 * w})]
+    )
+    models = ["switch", "karnopp", "tanh", "band", "hysteresis"]
+    table = compare(ball, (0, 2, 1, 0), (0, 4), against=models, widths=(1e-2, 1e-3))
+    for row in table.rows[1:]:
+        assert not row["note"], row
+        assert row["error_final"] < 1e-4
+        if row["model"] == "band":
+            assert row["error_times"] == pytest.approx(row["width"] / 0.8, rel=1e-6)
+            assert row["error_final"] == pytest.approx(row["width"] ** 2 / 1.6 / 2.5, rel=1e-3)
+
+
+def test_a_stay_under_hysteresis_ends_where_the_relay_attracts_no_more() -> None:
+    """x' = -2 sgn x + f(t) leaves x = 0 where |f| = 2, three times; nearly all steps are those of the relay,
+    few those of the way back, which was taken for stick where an even choice of steps held none of them."""
+    from filippov import cos
+
+    (x,) = states("x")
+    relay = System({x: -2 * sign(x) + cos(t) + 1.5 * cos(2.3 * t)})
+    table = compare(relay, (1,), (0, 10), against=["hysteresis"], widths=(1e-2, 1e-3))
+    f = np.cos(q := np.linspace(0, 10, 100_001)) + 1.5 * np.cos(2.3 * q)
+    leaves = q[1:][(np.abs(f[1:]) > 2) & (np.abs(f[:-1]) <= 2)]
+    for row in table.of("hysteresis"):
+        assert row["entries"] == [3]
+        exits = np.array([event[0] for event in row["event_times"] if event[2] == "exit"])
+        assert np.min(np.abs(exits[:, None] - leaves), axis=1) == pytest.approx(0, abs=2e-4)
+        assert row["error_times"] < 5 * row["width"]

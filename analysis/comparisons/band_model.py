@@ -28,8 +28,9 @@ from filippov.solving.state.machine import Machine
 
 # tanh(10) is 1 to 4e-9: beyond this many widths the smooth sign is the sign.
 SMOOTH_REACH = 10.0
-# Times in one stay in the layer at which it is seen whether the exact system attracts.
-NODES = 200
+# Times in one stay in the layer at which it is seen whether the exact system attracts: so many ends of steps,
+# and so many of equal intervals, where one part has nearly all of the steps, as under hysteresis.
+ENDS, NODES = 2000, 200
 _SIGNS = {"-": (-1, 0), "+": (1, 0)}
 
 
@@ -194,7 +195,8 @@ class Reader:
             end = last == len(t) - 1
             t1 = float(t[-1]) if end else _border(float(t[last + 1]), float(t[last]), below(wide))
             nodes = np.unique(np.concatenate([[t0], t[first : last + 1], [t1]]))
-            nodes = nodes[np.unique(np.linspace(0, nodes.size - 1, NODES).astype(int))]
+            nodes = nodes[np.unique(np.linspace(0, nodes.size - 1, ENDS).astype(int))]
+            nodes = np.union1d(nodes, np.linspace(t0, t1, NODES))
             for a, b in _runs(np.array([held(float(time)) for time in nodes])):
                 begun = t0 if a == 0 else _border(float(nodes[a - 1]), float(nodes[a]), held)
                 over = b == nodes.size - 1

@@ -213,9 +213,11 @@ class ModelSolutions:
         extra = list(model.start)[: system.dimension - n]
         start[n : n + len(extra)] = extra
         shared = {name: v for name, v in exact.given.items() if name in system.parameters}
-        options: dict[str, Any] = {"parameters": {**shared, **own}, "method": self.method, **exact.options}
+        options: dict[str, Any] = {
+            "parameters": {**shared, **own}, "method": self.method, "zeno": "continue", **exact.options
+        }  # fmt: skip
         if model.timed:
-            options = {k: v for k, v in options.items() if k not in ("rtol", "atol")} | {"dt": width}
+            options = {k: v for k, v in options.items() if k not in ("rtol", "atol", "zeno")} | {"dt": width}
             options |= {} if self.theta is None else {"theta": self.theta}
         solution = solve(system, start, exact.t_span, **options)
         if solution.status in (Status.SUCCESS, Status.MAX_EVENTS) or model.timed:
