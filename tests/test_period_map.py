@@ -124,3 +124,20 @@ def test_16_a_axes_say_where_a_coordinate_is_read() -> None:
     assert where_read(Stroboscope("y", clock="tick"), 2) == ("once a period, after 'tick'", "2 periods later")
     assert where_read(Section("v", "reset", "x"), 2) == ("after the reset", "after reset 2 from it")
     assert where_read(Section("v", "crossing up", "x")) == ("at the event", "at event 1 after it")
+
+
+@pytest.mark.parametrize("p", [2, 3, 7])
+def test_what_settles_near_a_root_of_one_has_no_period_of_its_own(p: int) -> None:
+    """x'' + 2 c x' + (c^2 + w^2) x = cos t has the multipliers exp(-2 pi c +- 2 pi i/p): period 1 for any c,
+    from |x - x_p| = 1 on known after 200 periods where exp(-400 pi c) is small."""
+    c = parameters(c=0.01)
+    system = System({X: V, V: cos(t) - 2 * c.c * V - (c.c**2 + (1 + 1 / p) ** 2) * X})
+    values = np.linspace(0.004, 0.02, 33)
+    strobe, x0 = Stroboscope("x", 2 * math.pi), (1.0, 0.0)
+    noisy = brute_force(system, strobe, "c", values, x0, transient=200, keep=40)
+    assert set(noisy.period.tolist()) <= {0, 1}  # the errors of rtol = 1e-8 are of the size of the limit
+    found = brute_force(system, strobe, "c", values, x0, transient=200, keep=40, rtol=1e-11)
+    assert set(found.period.tolist()) == {0, 1}
+    assert np.all(found.period[np.exp(-400 * math.pi * values) < 1e-8] == 1)
+    longer = brute_force(system, strobe, "c", [0.01, 0.02], x0, transient=800, keep=40, rtol=1e-11)
+    assert longer.period.tolist() == [1, 1]

@@ -26,6 +26,10 @@ from filippov.plot.style import axis_label, coordinate_labels
 REST = 1e-8
 # What a coordinate may be wrong by, in units of rtol of its size.
 NOISE = 10.0
+# What an orbit of period p does after fewer iterates falls by no more than to this part over those kept.
+LASTS = 0.9
+# It is more than so many times what counts as none.
+CLEAR = 4.0
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,8 @@ class BruteForce(Told):
     d        iterates kept, (k, keep); NaN after a solution that does not return; where a solution without a
              parametrisation comes to rest, the coordinate at which it does
     period   least p with d[i + p] = d[i] to 1e-6 of the range of d or 10 rtol of its size along
-             the solution, 0 where there is none up to half of keep
+             the solution, 0 where there is none up to half of keep, or where a shorter one still settles:
+             a longer transient tells it
     complete False where it was interrupted
     notes    for each value, of a solution without a parametrisation, why it did not return so often; "" where
              it did
@@ -246,6 +251,16 @@ def _periods(d: Array, noise: Array | float) -> npt.NDArray[np.int64]:
     for i, (row, same) in enumerate(zip(d, limits, strict=True)):
         for p in range(1, row.size // 2 + 1):
             if np.all(np.abs(row[p:] - row[:-p]) <= same):
-                out[i] = p
+                out[i] = p if all(_lasts(row, p, q, same) for q in range(1, p)) else 0
                 break
     return out
+
+
+def _lasts(row: Array, p: int, q: int, same: float) -> bool:
+    """Whether what changes after q iterates does so at the end as at the start, as it does with the period p.
+
+    What decays by a multiplier near -1, or near another root of 1, repeats to the limit before it is gone;
+    so do errors of the size of the limit.
+    """
+    change = np.abs(row[q:] - row[:-q])
+    return bool(np.max(change[-p:]) >= max(LASTS * np.max(change[:p]), CLEAR * same))

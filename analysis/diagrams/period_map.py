@@ -32,7 +32,8 @@ class PeriodMap(Told):
 
     names       of the parameters; x, y: their values
     period      events of the section after which the solution is where it was, 0 where there is no such
-                number up to half of `keep` or the solution does not return so often; -1 where not computed
+                number up to half of `keep`, where it still settles to a smaller one (a longer transient tells
+                it) or the solution does not return so often; -1 where not computed
     d           the last coordinate on the section, NaN where there is none
     notes       why the solution did not return so often, "" where it did; rows of the cells
     section     where the coordinate is read; parameters: the values of all others; labels: of the axes
