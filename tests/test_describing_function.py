@@ -339,7 +339,10 @@ def test_states_that_jump_are_refused() -> None:
 
 
 def test_rounding_of_coefficients_is_no_second_input() -> None:
-    """-1 = 4/(pi a) C (j w - A)^-1 B for plants with coefficients of all digits: 3 of 10 were refused."""
+    """-1 = N(a) C (j w - A)^-1 B for plants with coefficients of all digits: 3 of 10 were refused.
+
+    Of sgn(y - c) under m + a sin the gain is 4/(pi a) sqrt(1 - q^2), the mean -2/pi asin(q), q = (c - m)/a.
+    """
     rng = np.random.default_rng(1)
     x = states("x0 x1 x2")
     for k in range(12):
@@ -350,5 +353,48 @@ def test_rounding_of_coefficients_is_no_second_input() -> None:
         loop = System({x[0]: x[1], x[1]: x[2], x[2]: last})
         for cycle in describing_function(loop, surface=loop.surface_names[0]).cycles:
             s, a = 1j * cycle.frequency, cycle.amplitude
-            gain = 4 / (math.pi * a) * (1 if k % 2 else math.sqrt(1 - (d / a) ** 2))
+            mean = cycle.mean + (0 if k % 2 else d)  # of y; the input is y - d
+            share = np.clip((np.array([0.0] if k % 2 else [-d, d]) - mean) / a, -1, 1)
+            gain = 4 / (math.pi * a) * np.mean(np.sqrt(1 - share**2))
             assert gain * np.polyval(row[::-1], s) / np.polyval(lags, s) == pytest.approx(-1, abs=1e-9)
+            level = np.mean(-2 / math.pi * np.arcsin(share))
+            assert mean == pytest.approx(-level * row[0] / lags[-1], abs=1e-9 * a)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_cycles_about_each_equilibrium(seed: int) -> None:
+    """x''' + a x'' + b x' - c x + x^3 = e sgn(x - q), with the sign where the cycles do not reach it.
+
+    About m: m (m^2 + 3/2 A^2 - c) = -e sgn q; a pair on the axis at w^2 = b where 3 m^2 + 3/4 A^2 - c = a b
+    (Genesio & Tesi 1992). About the middle there is one more, unstable; only that was found.
+    """
+    rng = np.random.default_rng([92, seed])
+    unit, a, b = 10.0 ** rng.integers(-1, 2), rng.uniform(0.5, 1.5), rng.uniform(0.5, 2)
+    c = a * b * rng.uniform(0.55, 0.7)
+    x, v, w = states("x v w")
+    e, q = 0.02 * c, 3.0
+    field = {x: v, v: w, w: -a * w - b * v + c * x - x**3 / unit**2 + unit * e * sign(x - unit * q)}
+    found = describing_function(System(field), amplitudes=(1e-3 * unit, 20 * unit))
+    means = np.roots([-5, 0, 2 * a * b + c, e])  # with A^2 = 4/3 (a b + c - 3 m^2)
+    known = sorted((4 / 3 * (a * b + c - 3 * m**2), m) for m in means.real if 3 * m**2 < a * b + c)
+    assert len(found.cycles) == len(known) == 3
+    for cycle, (square, mean) in zip(found.cycles, known, strict=True):
+        assert cycle.amplitude == pytest.approx(unit * math.sqrt(square), rel=1e-8)
+        assert cycle.mean + unit * q == pytest.approx(unit * mean, rel=1e-7, abs=1e-7 * unit)
+        assert cycle.frequency == pytest.approx(math.sqrt(b), rel=1e-8)
+        assert cycle.stable == (abs(mean) > 0.1)
+    assert str(found).count(" about ") == 3
+
+
+def test_the_second_harmonic_is_part_of_the_distortion() -> None:
+    """x''' + a x'' + b x' + x - x^2 = e sgn(x + 9): A^2 (1 - cos 2 theta)/2 has no third harmonic, but of
+    the second A/2/|s^3 + a s^2 + b s| is fed back, s = 2 j w; 0 % was told."""
+    a, b, e = 0.9, 0.8, 1e-3
+    x, v, w = states("x v w")
+    system = System({x: v, v: w, w: -a * w - b * v - x + x**2 + e * sign(x + 9)})
+    (cycle,) = describing_function(system, amplitudes=(1e-3, 5)).cycles
+    mean = (1 - a * b) / 2
+    assert cycle.mean - 9 == pytest.approx(mean, rel=1e-8)
+    assert cycle.amplitude == pytest.approx(math.sqrt(2 * (mean - mean**2 - e)), rel=1e-8)
+    back = abs(np.polyval([1, a, b, 0], 2j * math.sqrt(b)))
+    assert cycle.distortion == pytest.approx(cycle.amplitude / 2 / back, rel=1e-8)

@@ -11,7 +11,7 @@ Armstrong-Helouvry & Amin 1996 and Olsson 1995.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -21,6 +21,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from filippov import System, UsageError
 from filippov.analysis.algebra import linalg
+from filippov.analysis.harmonic.means import Means
 from filippov.analysis.harmonic.quasi_linear import ComplexArray, Lure, lure, shared_input, width_unit
 from filippov.base.arrays import Array
 from filippov.base.escape import figure_text
@@ -30,6 +31,8 @@ from filippov.base.shown import Shown
 from filippov.plot.style import axis_label, time_unit
 
 LEVELS, EDGE = 160, 1e-9
+# Cycles of two branches of means that are one, in parts of their amplitude and frequency.
+SAME = 1e-6
 # Real part of an eigenvalue, in units of its size, that the integrals of harmonics leave of 0.
 ON_AXIS = 1e-11
 
@@ -42,8 +45,8 @@ class PredictedCycle:
     frequency    omega [rad/s]; period: 2 pi/omega
     stable       whether the quasi-linear growth rate falls with the amplitude (Loeb's criterion), and no
                  other eigenvalue lies to the right of the axis
-    distortion   size of the third harmonic that the loop would feed back to the input, divided by A: small
-                 means that the assumption of a sine is consistent
+    distortion   size of the second and third harmonics that the loop would feed back to the input, divided
+                 by A: small means that the assumption of a sine is consistent
     """
 
     amplitude: float
@@ -63,10 +66,12 @@ class PredictedCycle:
 class DescribingFunction(Shown):
     """The prediction of harmonic balance for a loop.
 
-    cycles     predicted limit cycles by growing amplitude; () where none is predicted
+    cycles     predicted limit cycles by growing amplitude, about every mean of the input that balances the
+               constant terms (of a bistable loop several); () where none is predicted
     amplitude  grid of A; growth, frequency: the largest real part among the oscillating eigenvalues of the
-               quasi-linear matrix there, and its frequency; NaN where none oscillates
-    gain       N(A) of each equation, shape (n, k)
+               quasi-linear matrix there, about the mean that is followed from the offset of h, and its
+               frequency; NaN where none oscillates
+    gain       N(A) of each equation about this mean, shape (n, k)
     neutral    (low, high) of amplitudes at all of which an oscillating eigenvalue lies on the axis to
                rounding: closed orbits beside each other, or none, which harmonic balance does not decide
     parameters values by name; labels: of the axes, "amplitude", "growth" and "frequency"
@@ -109,9 +114,12 @@ class DescribingFunction(Shown):
         if not self.cycles:
             within = f"with A from {self.amplitude[0]:.6g} to {self.amplitude[-1]:.6g}"
             return f"input '{self.surface}': harmonic balance predicts no limit cycle {within}.{left}"
+        scale = max(abs(c.mean) + c.amplitude for c in self.cycles)
+        apart = any(abs(c.mean - self.cycles[0].mean) > SAME * scale for c in self.cycles)
         rows = [
-            f"  A = {c.amplitude:.9g}, omega = {c.frequency:.9g} (period {c.period:.9g}), "
-            f"{'stable' if c.stable else 'unstable'}, third harmonic {100 * c.distortion:.2g} % of A"
+            f"  A = {c.amplitude:.9g}{f' about {c.mean:.9g}' if apart else ''}, omega = {c.frequency:.9g} "
+            f"(period {c.period:.9g}), {'stable' if c.stable else 'unstable'}, "
+            f"harmonics 2 and 3: {100 * c.distortion:.2g} % of A"
             for c in self.cycles
         ]
         return "\n".join([f"input '{self.surface}': harmonic balance predicts", *rows]) + left
@@ -145,11 +153,15 @@ def describing_function(
     low, high = low / unit, high / unit
     # Before it the sign of a relay with hysteresis is that of the past.
     grid = np.geomspace(max(low, split.least() * (1 + EDGE)), high, LEVELS)
-    balance = _Balance(split)
+    means = Means(split)
+    balance = _Balance(split, means)
     spectra = [balance.spectrum(amplitude) for amplitude in grid]
     gain: ComplexArray = np.array([balance.gain(amplitude) / unit for amplitude in grid]).T
-    found = (balance.cycle(low, high) for low, high in balance.brackets(grid))
-    cycles = sorted((cycle for cycle in found if cycle is not None), key=lambda cycle: cycle.amplitude)
+    cycles = _distinct(
+        cycle
+        for every in (balance, *(_Balance(split, branch) for branch in means.others(grid)))
+        for cycle in every.cycles(grid)
+    )
     growth = np.full(grid.size, np.nan)
     frequency = np.full(grid.size, np.nan)
     for k, values in enumerate(spectra):
@@ -165,6 +177,17 @@ def describing_function(
         system.states, surface, tuple(told), unit * grid, growth, frequency, gain, between,
         system.parameters.others(parameters), _labels(system, surface),
     )  # fmt: skip
+
+
+def _distinct(cycles: Iterable[PredictedCycle]) -> list[PredictedCycle]:
+    """By growing amplitude, one of those that two branches of means have in common."""
+    out: list[PredictedCycle] = []
+    for one in cycles:
+        own = np.array([one.amplitude, one.mean, one.frequency])
+        scale = SAME * np.array([one.amplitude, one.amplitude, one.frequency])
+        if not any(np.all(np.abs(own - (q.amplitude, q.mean, q.frequency)) <= scale) for q in out):
+            out.append(one)
+    return sorted(out, key=lambda cycle: (cycle.amplitude, cycle.mean))
 
 
 def _labels(system: System, surface: str) -> dict[str, str]:
@@ -189,61 +212,14 @@ def _runs(grid: Array, on: Sequence[bool], least: int = 2) -> tuple[tuple[float,
 
 
 class _Balance:
-    """The quasi-linear matrix of one loop; the mean is followed from amplitude to amplitude."""
+    """The quasi-linear matrix of one loop along one branch of means."""
 
-    def __init__(self, split: Lure) -> None:
-        self.split = split
-        # The mean of the input by amplitude; nan where none is found.
-        self.means: dict[float, float] = {}
-        # Rows w with w [A; c] = 0: the states go, and w [phi_0(m); offset - m] = 0 is left for the mean m.
-        whole = np.vstack([split.matrix, split.row])
-        rows = np.max(np.abs(whole), axis=1)
-        rows = np.where(rows > 0, rows, 1.0)
-        columns = np.max(np.abs(whole / rows[:, None]), axis=0, initial=0.0)
-        scaled = whole / rows[:, None] / np.where(columns > 0, columns, 1.0)
-        self.left = linalg.null_space(scaled.T).T / rows
+    def __init__(self, split: Lure, means: Means) -> None:
+        self.split, self.means = split, means
 
     def mean(self, amplitude: float) -> float:
         """Mean of the input for which the constant terms balance; nan where none is found."""
-        if amplitude not in self.means:
-            self.means[amplitude] = self._mean(amplitude)
-        return self.means[amplitude]
-
-    def _terms(self, mean: float, amplitude: float) -> Array:
-        """What balances, a row for each condition."""
-        constant = self.split.harmonic(mean, amplitude, 0).real
-        return np.asarray(self.left * np.append(constant, self.split.offset - mean))
-
-    def _balanced(self, mean: float, amplitude: float, part: float) -> bool:
-        """Whether the terms cancel, next to what the constant terms, the wave and the amplitude bring."""
-        terms, wave = self._terms(mean, amplitude), self.split.harmonic(mean, amplitude)
-        sizes = np.abs(terms) + np.abs(self.left * np.append(wave, amplitude))
-        return bool(np.all(np.abs(np.sum(terms, axis=1)) <= part * np.sum(sizes, axis=1)))
-
-    def _mean(self, amplitude: float) -> float:
-        """The mean next to that of the nearest amplitude, as it is and in proportion to it."""
-        guesses = [self.split.offset]
-        known = {size: m for size, m in self.means.items() if np.isfinite(m)}
-        if known:
-            near = min(known, key=lambda size: abs(np.log(size / amplitude)))
-            guesses = [known[near], known[near] * amplitude / near]
-
-        def condition(mean: float) -> float:
-            return float(np.sum(self._terms(mean, amplitude)[0]))
-
-        for guess in guesses:
-            if self._balanced(guess, amplitude, 1e-12):
-                return guess
-        away = amplitude * np.concatenate([np.linspace(0.0, 1.0, 11), np.geomspace(1.2, 1e6, 13)])
-        points = np.unique(np.concatenate([guess + side * away for guess in guesses for side in (-1, 1)]))
-        values = np.array([condition(point) for point in points])
-        points, values = points[np.isfinite(values)], values[np.isfinite(values)]
-        found = [
-            float(brentq(condition, points[k], points[k + 1], xtol=1e-15 * amplitude, rtol=1e-14))
-            for k in np.flatnonzero(np.sign(values[:-1]) != np.sign(values[1:]))
-        ]
-        there = [mean for mean in found if self._balanced(mean, amplitude, 1e-8)]
-        return min(there, key=lambda mean: abs(mean - guesses[-1]), default=float("nan"))
+        return self.means.at(amplitude)
 
     def gain(self, amplitude: float) -> ComplexArray:
         """N(A), shape (n,); nan without a mean."""
@@ -317,6 +293,11 @@ class _Balance:
                 found += [(at[j - 1], middle), (middle, at[j + 1])] if least.fun < 0 else []
         return [(float(a), float(b)) for a, b in found]
 
+    def cycles(self, grid: Array) -> list[PredictedCycle]:
+        """The predicted cycles with the means of this branch."""
+        found = (self.cycle(low, high) for low, high in self.brackets(grid))
+        return [cycle for cycle in found if cycle is not None]
+
     def cycle(self, low: float, high: float) -> PredictedCycle | None:
         """The amplitude between two at which one pair passes the axis; None where it does not."""
 
@@ -359,7 +340,9 @@ class _Balance:
         )
 
     def _distortion(self, amplitude: float, omega: float) -> float:
-        third = self.split.harmonic(self.mean(amplitude), amplitude, 3)
-        size = len(self.split.states)
-        back = linalg.solve(3j * omega * np.eye(size) - self.split.matrix, third)
-        return float(abs(self.split.row @ back) / amplitude)
+        parts = []
+        for order in (2, 3):
+            wave = self.split.harmonic(self.mean(amplitude), amplitude, order)
+            inverse = order * 1j * omega * np.eye(len(self.split.states)) - self.split.matrix
+            parts.append(abs(self.split.row @ linalg.solve(inverse, wave)) / amplitude)
+        return float(np.hypot(*parts))

@@ -25,6 +25,9 @@ PANELS, SHARPER, POINTS = 9, 5.0, 16
 # Denominators beyond it are those of doubles, not of a formula.
 LARGEST_FRACTION = 2**20
 _NODE, _WEIGHT = np.polynomial.legendre.leggauss(POINTS)
+# Ends of the panels of an interval, closer to each other towards both of its ends.
+_HALF = 0.5 * SHARPER ** -np.arange(PANELS - 1, -1, -1.0)
+_CUTS = np.concatenate(([0.0], _HALF, 1.0 - _HALF[-2::-1], [1.0]))
 
 
 @dataclass(frozen=True)
@@ -94,15 +97,10 @@ class Lure:
 
 def _nodes(edges: Array) -> tuple[Array, Array]:
     """Gauss points and weights on the intervals between edges, each split towards both of its ends."""
-    half = 0.5 * SHARPER ** -np.arange(PANELS - 1, -1, -1.0)
-    cuts = np.concatenate(([0.0], half, 1.0 - half[-2::-1], [1.0]))
-    theta, weight = [], []
-    for low, high in itertools.pairwise(edges):
-        points = low + (high - low) * cuts
-        for a, b in itertools.pairwise(points):
-            theta.append(0.5 * (a + b) + 0.5 * (b - a) * _NODE)
-            weight.append(0.5 * (b - a) * _WEIGHT)
-    return np.concatenate(theta), np.concatenate(weight)
+    points = edges[:-1, None] + np.diff(edges)[:, None] * _CUTS
+    low, high = points[:, :-1, None], points[:, 1:, None]
+    theta, weight = 0.5 * (low + high) + 0.5 * (high - low) * _NODE, 0.5 * (high - low) * _WEIGHT
+    return theta.ravel(), weight.ravel()
 
 
 def lure(system: System, surface: str, parameters: Mapping[str, float] | None = None) -> Lure:
