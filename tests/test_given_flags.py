@@ -110,3 +110,37 @@ def test_18_3_a_command_ends_before_its_work(
     assert main(words) == 2
     assert "Error:" not in capsys.readouterr().err
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize(
+    ("words", "flags"),
+    [
+        ("event-map hunting --iterates 5", "--iterates"),
+        ("bifurcation coupled --x0 0,0 --over k=1:2:2 -j 4 --max-memory 5", "--jobs and --max-memory"),
+        ("regions hunting --over P=10:20 --over D=1:2 --transient 7", "--transient"),
+        ("compare hunting --against band --x0 .1,0,0 --t-span 0 1 --surface velocity", "--surface"),
+        ("graph hunting --x0 .1,0,0 --rtol 1e-3", "--x0 and --rtol"),
+        ("graph hunting --kind observed --limit 4", "--limit"),
+        ("continue hunting --over P=10:11 --start 0.2523 --x0 0,0,0", "--x0"),
+        ("continue hunting --over P=10:11 --surface velocity", "--surface"),
+        ("attractors hunting --box x=0:1 --resolution 7", "--resolution"),
+        ("manifold hunting --x0 0,0,0 --length 1 --period 3", "--period"),
+        ("bank schema --rtol 1e-3", "--rtol"),
+    ],
+)
+def test_a_flag_that_would_do_nothing_is_refused(
+    words: str, flags: str, own: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each was taken without a word, and the result was that without it."""
+    assert main(words.replace(" coupled ", f" {own} ").split()) == 2
+    assert f"filippov: {flags} would do nothing here: " in capsys.readouterr().err
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> str:
+    (tmp_path / "own.py").write_text(
+        "from filippov import System, parameters, sign, states\n"
+        "x, v = states('x v')\np = parameters(k=1.0)\n"
+        "system = System({x: v, v: -p.k*x + 0.4*v - v*v*sign(v)})\n"
+    )
+    return f"{tmp_path / 'own.py'}:system"

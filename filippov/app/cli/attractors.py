@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from filippov.app.cli.configuration import unused
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded, load_model
@@ -34,6 +35,8 @@ def run_attractors(settings: dict[str, Any], console: Console) -> int:
     plane = settings["plane"]
     if plane is not None and len(plane) != 2:
         raise UsageError(f"--plane has {len(plane)} names, expected two states with a comma.")
+    if plane is None:
+        unused(settings, ("at", "resolution"), "a picture of basins needs --plane")
     folder = Folder(settings["output"], console)
     from filippov.analysis.invariant_sets.attractors import attractors as find
     options = {name: settings[name] for name in KEEP if settings.get(name) is not None}
@@ -64,6 +67,10 @@ def run_manifold(settings: dict[str, Any], console: Console) -> int:
     problem = loaded.problem({**settings, "t_span": (0.0, 1.0)})
     if settings["length"] is None:
         raise UsageError("how long? give --length ARCLENGTH.")
+    if settings["orbit"]:
+        unused(settings, ("mode",), "it is of a saddle, and --orbit follows an orbit")
+    else:
+        unused(settings, ("period",), "no orbit is looked for without --orbit")
     folder = Folder(settings["output"], console)
     from filippov.analysis.invariant_sets.manifold import manifold as draw
 

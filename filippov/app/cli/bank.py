@@ -8,6 +8,7 @@ from typing import Any
 from filippov.app.bank import Row, migrate_bank, read_bank, rows_json, run_bank, schema
 from filippov.app.bank.case import chosen
 from filippov.app.bank.row import head, line, summary, widest
+from filippov.app.cli.configuration import unused
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.base.errors import UsageError
@@ -18,6 +19,11 @@ NOT_PASSED, INTERRUPTED = 3, 130
 
 def run(settings: dict[str, Any], console: Console) -> int:
     """Run the cases, compare with reference solvers, migrate, or print the schema; 3 where a case failed."""
+    own = {"schema": ("json", "output"), "migrate": ("json", "output", "only", "max_time")}
+    if settings["action"] in own:
+        kept = {"action", "file", "config", "quiet", "traceback", *own[settings["action"]]}
+        others = [name for name in settings if name not in kept]
+        unused(settings, others, f"bank {settings['action']} solves nothing")
     if settings["action"] == "schema":
         return _document(settings, console, "schema.json", schema())
     if settings["action"] is None or settings["file"] is None:
@@ -100,6 +106,7 @@ def _write(places: list[tuple[Folder, str]], console: Console, text: str) -> Non
 def _compare(settings: dict[str, Any], console: Console) -> int:
     from filippov.app.bank.compare import compare_bank, solvers_json, solvers_text
 
+    unused(settings, ("jobs",), "the reference solvers run one after the other")
     for name in ("atol", "method"):
         if settings[name] is not None:
             raise UsageError(f"--{name} goes with: filippov bank run FILE")

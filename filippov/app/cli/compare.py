@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from filippov.app.cli.configuration import Option
+from filippov.app.cli.configuration import SECTION_NAMES, Option, unused
 from filippov.app.cli.values import number, numbers, one_of, texts, whole, words
 from filippov.base.errors import UsageError
 
@@ -80,7 +80,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     folder = Folder(settings["output"], console)
     from filippov.analysis.comparisons.comparison import compare
 
-    given: dict[str, Any] = {} if settings["widths"] is None else {"widths": settings["widths"]}
+    given = {name: settings[name] for name in ("widths", "rtol", "atol") if settings[name] is not None}
     bands = band_models(loaded.name, settings["alphas"])
     with console.progress("compare") as progress:
         result = compare(
@@ -102,6 +102,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
 
 def run_solutions(loaded: Loaded, settings: dict[str, Any], console: Console) -> int:
     """The same along a solution: comparison.csv, .json, .txt, .html and .png."""
+    unused(settings, SECTION_NAMES, "a solution is compared, not the returns to a section")
     if settings["alphas"] is not None and len(settings["alphas"]) > 1:
         raise UsageError("--alphas has several values; along a solution give one.")
     problem = loaded.problem(settings)

@@ -96,10 +96,24 @@ def read_file(path: Path) -> dict[str, Any]:
         ) from None
 
 
+class Merged(dict[str, Any]):
+    """The settings of a command; given: the names of those that the command line has."""
+
+    given: frozenset[str] = frozenset()
+
+
+def unused(settings: Mapping[str, Any], names: Iterable[str], why: str) -> None:
+    """Raise UsageError where the command line has one of these flags, which would do nothing."""
+    given = [name for name in names if name in getattr(settings, "given", ())]
+    if given:
+        flags = " and ".join("--" + name.replace("_", "-") for name in given)
+        raise UsageError(f"{flags} would do nothing here: {why}. Leave {'them' if given[1:] else 'it'} out.")
+
+
 def merge(
     command: str, options: Sequence[Option], given: Mapping[str, Any], commands: Mapping[str, Iterable[str]],
     former: Mapping[str, str] | None = None,
-) -> dict[str, Any]:  # fmt: skip
+) -> Merged:  # fmt: skip
     """The settings of a command.
 
     given     what the command line has, by name; absent: not given. `config` names the file
@@ -115,7 +129,8 @@ def merge(
         layers = [(top, f"{path}: "), (own, f"{path}: {command}.")]
     layers.append((given, ""))
     layers = [(_by_present_names(options, layer, where), where) for layer, where in layers]
-    settings: dict[str, Any] = {}
+    settings = Merged()
+    settings.given = frozenset(given)
     for option in options:
         value = option.default
         for layer, where in layers:
@@ -276,3 +291,5 @@ ENGINE = (
     Option("chunk", "points in a chunk; default: about a second's work", whole, metavar="N"),
     Option("max_memory", "bytes of address space of a worker", whole, metavar="BYTES"),
 )  # fmt: skip
+ENGINE_NAMES = tuple(option.name for option in ENGINE)
+SECTION_NAMES = tuple(option.name for option in SECTION)

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from filippov.app.cli.configuration import SECTION_NAMES, unused
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded, load_model
@@ -87,6 +88,10 @@ def _start(
     loaded: Loaded, settings: dict[str, Any], values: dict[str, float], console: Console
 ) -> tuple[Any, dict[str, Any]]:
     """What the continuation starts from: a fixed point at --start, an equilibrium of --mode, an orbit."""
+    if settings["start"] is None:
+        unused(settings, SECTION_NAMES, "a section is of a fixed point at --start")
+    else:
+        unused(settings, ("mode", "x0"), "--start is a coordinate of a section, where the branch begins")
     if settings["mode"] is not None:
         if settings["x0"] is None:
             raise UsageError("an equilibrium needs a state near it: --x0.")

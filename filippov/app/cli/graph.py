@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from filippov.app.cli.configuration import COMMON, unused
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import loaded_of
@@ -23,6 +24,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     folder = Folder(settings["output"], console)
     code = 0
     if settings["kind"] == "observed":
+        unused(settings, ("numbers", "limit"), "modes and formulas are listed with --kind possible")
         solution = solved(loaded.problem(settings), settings, console, dense=False)
         graph = observed_graph(solution)
         code = exit_code(solution)
@@ -34,6 +36,9 @@ def run(settings: dict[str, Any], console: Console) -> int:
             "Use --kind observed, which follows a solution."
         )
     else:
+        own = {"kind", "recurrent", "numbers", "limit", "model", "parameters", "input"}
+        others = [name for name in settings if name not in own | {option.name for option in COMMON}]
+        unused(settings, others, "a solution is followed with --kind observed")
         chosen = {} if settings["limit"] is None else {"limit": settings["limit"]}
         with console.progress("modes") as progress:
             graph = possible_graph(

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov.app.cli.configuration import ENGINE_NAMES, unused
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded, load_model, loaded_of
@@ -44,6 +45,7 @@ def run_regions(settings: dict[str, Any], console: Console) -> int:
     x, y = _axes(settings, "parameters")
     if _follows(loaded, settings):
         return _run_periods(loaded, settings, console, x, y, values)
+    unused(settings, ("transient", "keep"), "returns are dropped and kept along the solution from --x0")
     section, interval = section_of(loaded, settings, "positive"), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
     from filippov.analysis.diagrams import regions as module
@@ -91,6 +93,8 @@ def _run_periods(
     """Write the period in every cell as rows and as a picture."""
     if settings["borders"]:
         raise UsageError("--borders is for cycles of an event map; leave it out where --x0 is followed.")
+    why = "the solution from a state is followed, in this process, and no cycles of a map are looked for"
+    unused(settings, ("order", "points", *ENGINE_NAMES), why)
     section, x0 = section_along(loaded, settings, values, console, (x[0], x[1][0], x[1][-1]))
     folder = Folder(settings["output"], console)
     from filippov.analysis.diagrams.period_map import period_map

@@ -124,7 +124,7 @@ def run_ensemble(settings: dict[str, Any], console: Console) -> int:
 
 def engine(settings: dict[str, Any], folder: Folder) -> dict[str, Any] | None:
     """How another command is to compute in workers, None where nothing was said about that."""
-    asked = settings["jobs"] or settings["resume"] or settings["fresh"] or settings["scheduler"]
+    asked = any(settings[name] for name in HOW if name != "executor")
     if not asked and settings["executor"] == "processes":
         return None
     return {"folder": folder.path, **{name: settings[name] for name in HOW}}

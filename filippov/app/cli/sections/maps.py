@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov.app.cli.configuration import ENGINE_NAMES, unused
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded, loaded_of
@@ -67,6 +68,8 @@ def interval_of(loaded: Loaded, settings: dict[str, Any]) -> tuple[float, float]
 def run_event_map(settings: dict[str, Any], console: Console) -> int:
     """Sample the map, find its fixed points, follow an orbit; after Ctrl-C write the samples there are."""
     loaded = loaded_of(settings)
+    if settings["start"] is None:
+        unused(settings, ("iterates",), "an orbit of the map begins at --start")
     if follows_solution(loaded, settings):
         return run_return_pairs(loaded, settings, console)
     values = loaded.values(settings["parameters"])
@@ -127,6 +130,7 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
     at = values_over(settings, low, high, 22)
     x0 = interval = None
     if follows_solution(loaded, settings):
+        unused(settings, ENGINE_NAMES, "a solution is followed from value to value, in this process")
         section, x0 = section_along(loaded, settings, values, console, (parameter, low, high))
     else:
         section, interval = section_of(loaded, settings), interval_of(loaded, settings)
