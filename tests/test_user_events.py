@@ -20,6 +20,7 @@ from filippov import (
     states,
     t,
 )
+from filippov.model.expression import parse_expression
 from filippov.solving.solution import Solution
 
 x, y = states("x y")
@@ -257,3 +258,17 @@ def test_multiple_roots_of_time(power: int, side: int) -> None:
     counted = [e for e in run.events if power % 2 == 0 or e.kind != "grazing"]
     assert [e.kind == "grazing" for e in counted] == [power % 2 == 0]
     assert counted[0].t == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("backend", ["compiled", "python"])
+@pytest.mark.parametrize("event", ["1/y", "1/y - 3", "y/(y - 0.5)", "1/(y - 0.2)**2"])
+def test_a_pole_of_an_event_moves_no_state(event: str, backend: str) -> None:
+    """y = 1 - t and x its integral, with a pole passed: the state was moved by Newton steps on the event."""
+    falling = System({y: -1 + 0 * x, x: y})
+    g = parse_expression(event, {"y": y})
+    run = solve(falling, {"y": 1, "x": 0}, (0, 2), events=[UserEvent(g, name="g")], backend=backend)
+    assert run.success
+    assert run["y"] == pytest.approx(1 - run.t, abs=1e-9)
+    assert run["x"] == pytest.approx(run.t - run.t**2 / 2, abs=1e-9)
+    if event == "1/y - 3":
+        assert [float(e.t) for e in run.events if str(e.kind) == "user event"] == pytest.approx([2 / 3])

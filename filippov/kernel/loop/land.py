@@ -33,6 +33,8 @@ from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
 # The largest |guard| at an event, in roundings of its terms, where the integration is that accurate.
 ASTRAY = 1e4
+# The largest distance of a curved guard's zero, in tolerances of a step.
+KNOWN = 1e3
 # A number that is larger is none that a guard has.
 HUGE = 1e300
 # The part of the states in the rate of a guard that time moves.
@@ -158,6 +160,16 @@ def misses(t: float, length: float, xe: Vector, i: int, value: float, w: Scratch
 
 
 @kernel
+def apart(t: float, x: Vector, i: int, value: float, rtol: float, atol: Vector, w: Scratch) -> bool:
+    """Whether the next zero of h_i, by its gradient, is farther from x than x is known."""
+    known = ASTRAY * EPS * guard_scale(i, t, x, w)
+    for a in range(G_FIRST[i], G_FIRST[i + 1]):
+        j = G_COLUMN[a]
+        known += KNOWN * (rtol * abs(x[j]) + atol[j]) * abs(w.g[i * N + j])
+    return not (abs(value) <= known)
+
+
+@kernel
 def land(
     t: float, x: Vector, p: Vector, m: Vector, cause: int, i: int, step: float, theta: float, slope: float,
     line: bool, xe: Vector, rtol: float, atol: Vector, w: Scratch, iw: Integers, ctx: Indices,
@@ -175,6 +187,7 @@ def land(
     value, change, last = 0.0, 0.0, 1e300
     # The bracket of the zero of a guard that contains a root, which may send Newton's steps anywhere.
     bent, before, behind = ROOTS and cause == ROOT and ROOTED[i] != 0, 0.0, INF
+    curved = cause == ROOT and LINEAR[i] == 0 and WIDTH[i] == 0.0
     for attempt in range(48):
         if code != 0 or cause == TOUCH:
             break
@@ -203,11 +216,16 @@ def land(
             delta = step - length
         if (length + delta) / step < 0.0:
             delta = -0.5 * length
-        if bent:
+        if bent or curved:
             before = max(before, length / step) if m[i] * value > 0.0 else before
             behind = min(behind, length / step) if m[i] * value < 0.0 else behind
-            if behind < INF and not (before < (length + delta) / step < behind):
-                delta = 0.5 * (before + behind) * step - length
+        away = (length + delta) / step <= before or (attempt > 2 and abs(value) >= last)
+        if curved and away and not bent and misses(t, length, xe, i, value, w):
+            # Newton's steps lead away, as from a pole: to the end of the step, then into the bracket.
+            bent = True
+            delta = step - length if behind == INF else delta
+        if bent and behind < INF and not (before < (length + delta) / step < behind):
+            delta = 0.5 * (before + behind) * step - length
         if abs(delta) <= 2.0 * EPS * abs(te) or (attempt > 2 and abs(value) >= last and not bent):
             break
         last = abs(value)
@@ -230,10 +248,13 @@ def land(
     # solution has not. Of a linear guard what is left is the error of that; others may jump.
     # Where a power of h ends at it the solution is steeper than any step sees.
     unseen = LINEAR[i] != 0 and WIDTH[i] == 0.0 and not (IMPLICIT or NON_LIPSCHITZ)
-    if code == 0 and sound and cause == ROOT and (unseen or ((CLAMPED or bent) and ROLE[i] == SWITCHING)):
+    switching = (CLAMPED or (bent and not curved)) and ROLE[i] == SWITCHING
+    if code == 0 and sound and cause == ROOT and (unseen or switching):
         code = NOT_CONVERGED if misses(t, length, xe, i, value, w) else 0
     if code == 0 and sound:
-        if cause == ROOT and WIDTH[i] == 0.0:
+        # At a pole or a jump of h there is no place near by where it is 0: the state stays where it is.
+        off = curved and apart(t + length, xe, i, value, rtol, atol, w)
+        if cause == ROOT and WIDTH[i] == 0.0 and not off:
             code = project_on(t + length, xe, p, m, i, rtol, atol, w, ctx)
             value = h[i]
         if iw.sliding > 0 and project(t + length, xe, p, m, h, w, iw, ctx) != 0:
