@@ -398,3 +398,20 @@ def test_the_second_harmonic_is_part_of_the_distortion() -> None:
     assert cycle.amplitude == pytest.approx(math.sqrt(2 * (mean - mean**2 - e)), rel=1e-8)
     back = abs(np.polyval([1, a, b, 0], 2j * math.sqrt(b)))
     assert cycle.distortion == pytest.approx(cycle.amplitude / 2 / back, rel=1e-8)
+
+
+def test_a_cycle_beside_the_end_of_a_branch_of_means() -> None:
+    """x''' + a x'' + b x' + d + c1 x + c2 x^2 + c3 x^3 = 0: two means meet at A = 0.89, a cycle is at 0.88.
+
+    Mean: d + c1 m + c2 (m^2 + A^2/2) + c3 (m^3 + 3/2 m A^2) = 0; gain c1 + 2 c2 m + 3 c3 (m^2 + A^2/4) = a b.
+    """
+    a, b, c1, c2, c3, d = 0.915, 0.797, 1.843, 1.269, -1.055, -0.432
+    x, v, w = states("x v w")
+    force = d + c1 * x + c2 * x**2 + c3 * x**3 - 1e-9 * sign(x - 40)
+    system = System({x: v, v: w, w: -a * w - b * v - force})
+    (cycle,) = describing_function(system, amplitudes=(1e-3, 30)).cycles
+    square = np.poly1d([-3 * c3, -2 * c2, a * b - c1]) / (0.75 * c3)
+    balance = np.poly1d([c3, c2, c1, d]) + square * np.poly1d([1.5 * c3, c2 / 2])
+    (mean,) = [m.real for m in balance.roots if abs(m.imag) < 1e-9 and square(m.real) > 0]
+    assert cycle.mean + 40 == pytest.approx(mean, abs=1e-6)
+    assert cycle.amplitude == pytest.approx(math.sqrt(square(mean)), rel=1e-6)

@@ -157,10 +157,11 @@ def describing_function(
     balance = _Balance(split, means)
     spectra = [balance.spectrum(amplitude) for amplitude in grid]
     gain: ComplexArray = np.array([balance.gain(amplitude) / unit for amplitude in grid]).T
+    fine = np.union1d(grid, means.levels(grid))
     cycles = _distinct(
         cycle
-        for every in (balance, *(_Balance(split, branch) for branch in means.others(grid)))
-        for cycle in every.cycles(grid)
+        for every in (balance, *(_Balance(split, branch) for branch in means.others(fine)))
+        for cycle in every.cycles(fine)
     )
     growth = np.full(grid.size, np.nan)
     frequency = np.full(grid.size, np.nan)

@@ -21,8 +21,10 @@ ROUNDING, LEFT = 1e-12, 1e-8
 SAME = 1e-6
 # Angles at which a mean is looked for, to be solved for afterwards; distances of means, in amplitudes.
 ANGLES, REACH = 96, np.concatenate([np.linspace(0.0, 1.0, 11), np.geomspace(1.2, 1e6, 13)])
-# First step from a neighbour's mean, in amplitudes, and how often it is doubled.
-STEP, DOUBLINGS = 0.01, 7
+# Halvings of the amplitude where two means meet, and distances of levels to it in parts of the grid's.
+HALVINGS, CLOSE = 30, (0.5, 0.2, 0.1, 0.03, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
+# How often the first step from a neighbour's mean is doubled.
+DOUBLINGS = 7
 
 
 class Means:
@@ -50,6 +52,20 @@ class Means:
         if amplitude not in self.found:
             self.found[amplitude] = self._solved(amplitude)
         return self.found[amplitude]
+
+    def levels(self, grid: Array) -> Array:
+        """Amplitudes close to those where two means meet and end, between those of the grid."""
+        counts = [len(self._brackets(amplitude, grid)) for amplitude in grid.tolist()]
+        near: list[float] = []
+        for k in np.flatnonzero(np.diff(counts)):
+            low, high = float(grid[k]), float(grid[k + 1])
+            length = high - low
+            for _ in range(HALVINGS):
+                middle = 0.5 * (low + high)
+                same = len(self._brackets(middle, grid)) == counts[k]
+                low, high = (middle, high) if same else (low, middle)
+            near += [low + side * part * length for part in CLOSE for side in (-1, 1)]
+        return np.array([size for size in near if grid[0] < size < grid[-1]])
 
     def others(self, grid: Array) -> list[Means]:
         """The branches with further means at these amplitudes."""
@@ -115,7 +131,7 @@ class Means:
 
     def _solved(self, amplitude: float) -> float:
         """The mean next to that of the nearest amplitude, as it is and in proportion to it."""
-        guesses = [self.split.offset]
+        guesses, near = [self.split.offset], amplitude
         known = {size: m for size, m in self.found.items() if np.isfinite(m)}
         if known:
             near = min(known, key=lambda size: abs(np.log(size / amplitude)))
@@ -123,15 +139,19 @@ class Means:
         for guess in guesses:
             if self._balanced(guess, amplitude, ROUNDING):
                 return guess
-        mean = self._beside(guesses[0], amplitude) if known else float("nan")
+        mean = self._beside(near, amplitude) if known else float("nan")
         # A further branch ends where it has no neighbour; what is elsewhere belongs to another one.
         return self._anywhere(guesses, amplitude) if self.whole and not np.isfinite(mean) else mean
 
-    def _beside(self, guess: float, amplitude: float) -> float:
-        """The mean next to a neighbour's, by steps to both sides; nan where none is near."""
-        ends, step = [guess, guess], STEP * amplitude
+    def _beside(self, near: float, amplitude: float) -> float:
+        """The mean next to that of a near amplitude, by steps to both sides; nan where there is none.
+
+        Where two means meet they part with the root of the distance in amplitudes.
+        """
+        guess = self.found[near]
+        ends, step = [guess, guess], 2 * float(np.sqrt(abs(amplitude - near) * amplitude)) / 2**DOUBLINGS
         values = [self._condition(guess, amplitude)] * 2
-        for _ in range(DOUBLINGS):
+        for _ in range(DOUBLINGS + 1):
             found = []
             for k, side in enumerate((-1, 1)):
                 end = guess + side * step
