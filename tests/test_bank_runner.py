@@ -404,3 +404,16 @@ def test_nothing_known_is_lost() -> None:
         names = {entry.name for entry in case.expected}
         assert names <= {*row.evaluated, *row.not_evaluated}
         assert not np.isnan(row.max_error or 0.0)
+
+
+def test_a_hybrid_text_beside_fields_is_named() -> None:
+    """The ball fell through the floor, as the reset in the text was left out without a word."""
+    ball = {
+        "id": "ball", "states": ["x", "v"], "h": ["x"], "fields": {"+": ["v", "-10"], "-": ["v", "-10"]},
+        "x0": ["5", "0"], "t_span": ["0", "2"], "hybrid": "at x=0 with v<0: v -> -0.5*v",
+        "expected": [{"name": "impact_times", "value": ["1", "2"], "tol": "1e-9"}],
+    }  # fmt: skip
+    (row,) = run_bank([ball])
+    assert not row.passed
+    assert "`hybrid` text" in row.message
+    assert run_bank([{key: value for key, value in ball.items() if key != "hybrid"}])[0].status == "success"

@@ -185,6 +185,11 @@ def _fields(
     count, given = len(form.h or ()), form.fields
     if given is None and form.smooth_field is not None:
         given = {"*" * count: form.smooth_field}
+    if given and raw.get("hybrid"):
+        raise ModelError(
+            f"the case has fields and a `hybrid` text, {str(raw['hybrid'])[:80]!r}, which is not read beside "
+            'fields: give a reset with its h, as in {"h": "x", "reset": {"v": "-v/2"}, "side": "+"}.'
+        )
     if not given:
         prose = "; its `hybrid` text is prose that is not understood" if raw.get("hybrid") else ""
         near = [key for key in raw if key not in ("fields", "smooth_field") and "field" in key.casefold()]
