@@ -45,8 +45,9 @@ FAINT, ROUNDED, INSTANT, UNSURE = 40.0, 1e2, 1e5, 4e2
 TOUCHED = 1e-3
 # By how much the speed has come down in one approach where the solution has arrived.
 CAME_DOWN = 1e-3
-# Faint cycles in a row, how far from alike where they are noise, and how many slow down where they fade.
-NOISY_LAPS, ALIKE, FADING_LAPS = 6, 1e-2, 48
+# Faint cycles in a row, how far from alike where they are noise, how many slow down where they fade, among how
+# many events.
+NOISY_LAPS, ALIKE, FADING_LAPS, RECENT = 6, 1e-2, 48, 64
 # Of the time of the run: how long ago a slide ended that has led to where the run is.
 MOMENT = 1e-3
 # Of the speed at which a cycle was not faint: none slower by less is any fainter.
@@ -287,7 +288,7 @@ class HigherOrder:
         now = abs(self._rate(i, self.run.t, self.run.x, self.run.mode))
         if SLOWER * self.asked.get(i, 0.0) < now <= self.asked.get(i, 0.0):
             return UNSETTLED
-        recent = [(e, (i, e.t, e.before)) for e in self.run.events[-64:]]
+        recent = [(e, (i, e.t, e.before)) for e in self.run.decided(RECENT)]
         self.rates = {key: self.rates.get(key) or abs(self._rate(i, *_place(e))) for e, key in recent}
         speeds = [self.rates[key] for e, key in recent if e.index == i and e.kind is EventKind.CROSSING]
         first = abs(self._rate(i, *self.start, self.run.mode))
@@ -307,7 +308,7 @@ class HigherOrder:
         if self.active is not None or run.direction < 0:
             return []
         lately = MOMENT * abs(run.t - float(run.clock.t_start))
-        modes = [run.signs, *(e.before for e in run.events[-64:] if abs(run.t - e.t) <= lately)]
+        modes = [run.signs, *(e.before for e in run.decided(RECENT) if abs(run.t - e.t) <= lately)]
         near = near_within(run, run.x, self._slack(), run.mode) if stuck else []
         slid = {i for mode in modes for i in range(plain.m) if mode[i : i + 1] == (0,)}
         return [i for i in sorted({*slid, *near}) if _slides(plain, i)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -345,11 +346,15 @@ class Run:
         """The surfaces off which the solution does not slide, and on which others hold it."""
         return [int(i) for i in np.flatnonzero(self.order == codes.ALONG)]
 
-    def last_decided(self) -> Event | None:
-        """The last event of what decides the solution: not of observers and user events."""
+    def decided(self, most: int) -> list[Event]:
+        """The last events, so many at most, of what decides the solution: no observers, no user events."""
         roles, m = self.machine.roles, self.machine.m
         decided = (e for e in reversed(self.events) if e.index >= m or roles[e.index] != "observer")
-        return next(decided, None)
+        return [*islice(decided, most)][::-1]
+
+    def last_decided(self) -> Event | None:
+        """The last of these events."""
+        return next(iter(self.decided(1)), None)
 
     @property
     def attempts(self) -> int:
