@@ -6,7 +6,6 @@ The run goes on with the machine of a `reduction`, until a multiplier leaves its
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -17,8 +16,9 @@ from filippov.base.arrays import Array
 from filippov.base.status import EventKind
 from filippov.kernel.tables import codes
 from filippov.solving.selection.ambiguity import point_of
+from filippov.solving.selection.faint_cycles import fades, noise
 from filippov.solving.selection.modes import Successor, leading_off
-from filippov.solving.state.events import Event, Mode
+from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import Options
 from filippov.solving.state.run import Run, guard_terms, near_within
@@ -45,9 +45,8 @@ FAINT, ROUNDED, INSTANT, UNSURE = 40.0, 1e2, 1e5, 4e2
 TOUCHED = 1e-3
 # By how much the speed has come down in one approach where the solution has arrived.
 CAME_DOWN = 1e-3
-# Faint cycles in a row, how far from alike where they are noise, how many slow down where they fade, among how
-# many events.
-NOISY_LAPS, ALIKE, FADING_LAPS, RECENT = 6, 1e-2, 48, 64
+# Events that are looked back at.
+RECENT = 64
 # Of the time of the run: how long ago a slide ended that has led to where the run is.
 MOMENT = 1e-3
 # Of the speed at which a cycle was not faint: none slower by less is any fainter.
@@ -279,7 +278,8 @@ class HigherOrder:
     def arrives(self, i: int) -> Begun | str:
         """Begin on a surface crossed with no more speed than the run can tell from 0, once that has settled.
 
-        It has where its speed came down by CAME_DOWN, or the speeds of such cycles follow no law or fade.
+        It has where its speed came down by CAME_DOWN, or the speeds of such cycles follow no law, or fade and
+        the run began on the slide.
         """
         if self.active is not None or not _slides(self.plain, i):
             return "it slides already"
@@ -289,15 +289,28 @@ class HigherOrder:
         if SLOWER * self.asked.get(i, 0.0) < now <= self.asked.get(i, 0.0):
             return UNSETTLED
         recent = [(e, (i, e.t, e.before)) for e in self.run.decided(RECENT)]
-        self.rates = {key: self.rates.get(key) or abs(self._rate(i, *_place(e))) for e, key in recent}
+        self.rates = {
+            key: self.rates.get(key) or abs(self._rate(i, e.t, e.x, np.array(e.before, dtype=float)))
+            for e, key in recent
+        }
         speeds = [self.rates[key] for e, key in recent if e.index == i and e.kind is EventKind.CROSSING]
         first = abs(self._rate(i, *self.start, self.run.mode))
         came_down = now <= CAME_DOWN * max(now, first, *self.rates.values())
-        if not came_down and not _noise([*speeds[-NOISY_LAPS:], now]) and not _fades(speeds):
+        settled = came_down or noise([*speeds, now])
+        if not settled and not (fades(speeds) and self._began_near(i)):
             return "the solution has not settled"
         begun = self.begin([i], None)
         self.asked[i] = now if begun == UNSETTLED else 0.0
         return begun
+
+    def _began_near(self, i: int) -> bool:
+        """Whether the run began on h_i = h_i' = 0, as closely as its states are accurate."""
+        (t, x), mode, slack = self.start, self.run.mode, self._slack(self.start[1])
+        g, _ = self.plain.gradients(t, x, mode)
+        rate = self._rate(i, t, x, mode)
+        moved = [self._rate(i, t, np.ascontiguousarray(x + step), mode) - rate for step in np.diag(slack)]
+        on = abs(self.plain.guards(t, x, mode)[i]) <= np.abs(g[i]) @ slack
+        return bool(on and abs(rate) <= np.sum(np.abs(moved)))
 
     def slid_lately(self, stuck: bool) -> list[int]:
         """The surfaces that are slid on, or were a moment ago, unless that is of higher order.
@@ -324,8 +337,9 @@ class HigherOrder:
         effects = _effects(plain, run.t, run.x, mode, slid, CLEAR)
         return not np.all(np.any(effects, axis=1))
 
-    def _slack(self) -> Array:
-        return np.asarray(1e2 * (self.run.atol + self.run.options.rtol * np.abs(self.run.x)))
+    def _slack(self, x: Array | None = None) -> Array:
+        size = np.abs(self.run.x if x is None else x)
+        return np.asarray(1e2 * (self.run.atol + self.run.options.rtol * size))
 
     def settles(self, slid: Sequence[int]) -> Begun | str:
         """Begin where a slide has led to the end of its own surface, of no slope or an infinite one."""
@@ -480,21 +494,3 @@ def _effects(
 
 def _slides(machine: Machine, i: int) -> bool:
     return machine.roles[i] == "switching" and machine.widths[i] == 0.0
-
-
-def _place(event: Event) -> tuple[float, Array, Array]:
-    return event.t, event.x, np.array(event.before, dtype=float)
-
-
-def _fades(speeds: Sequence[float]) -> bool:
-    return len(speeds) >= FADING_LAPS and all(b < a for a, b in itertools.pairwise(speeds))
-
-
-def _noise(speeds: Sequence[float]) -> bool:
-    """Whether speeds neither grow nor shrink by a law, compared with those 1, 2 and 3 cycles before."""
-    if len(speeds) <= NOISY_LAPS:
-        return False
-    values = np.array(speeds) + 1e-300
-    ratios = [values[lag:] / values[:-lag] for lag in (1, 2, 3)]
-    lawless = all(np.min(r) < 1.0 - ALIKE and np.max(r) > 1.0 + ALIKE for r in ratios)
-    return bool(lawless and values[-1] <= np.max(values[:-1]))
