@@ -37,6 +37,7 @@ class Means:
         self.split, self.whole, self.last = split, known is None, np.inf
         # The mean of the input by amplitude; nan where none is found.
         self.found: dict[float, float] = {} if known is None else dict([known])
+        self._changes: dict[float, list[tuple[float, float]]] = {}
         # Rows w with w [A; c] = 0: the states go, and w [phi_0(m); offset - m] = 0 is left for the mean m.
         whole = np.vstack([split.matrix, split.row])
         rows = np.max(np.abs(whole), axis=1)
@@ -88,18 +89,25 @@ class Means:
         return branches[1:]
 
     def _brackets(self, amplitude: float, grid: Array) -> list[tuple[float, float]]:
-        """Intervals of means in which the condition changes its sign, by a sum over equal steps in time."""
+        """Intervals of means in which the condition changes its sign; grid: from first to last amplitude."""
+        if amplitude not in self._changes:
+            self._changes[amplitude] = self._changing(amplitude, grid)
+        return self._changes[amplitude]
+
+    def _changing(self, amplitude: float, grid: Array) -> list[tuple[float, float]]:
+        """These intervals, by a sum over equal steps in time."""
         scale = np.geomspace(grid[0], grid[-1], 64)
         away = np.unique(np.concatenate([amplitude * REACH, scale]))
         centres = [self.split.offset, *self.split.cuts]
         sides = (0.0, -1.0, -0.5, 0.5, 1.0)
         near = [cut + part * amplitude for cut in centres for part in sides]
         means = np.unique(np.concatenate([self.split.offset + away, self.split.offset - away, near]))
-        # Two periods, the first of which sets the signs of hysteresis.
-        theta = 2 * np.pi * (np.arange(2 * ANGLES) + 0.5) / ANGLES
+        # With hysteresis two periods, the first of which sets the signs.
+        periods = 2 if np.any(self.split.widths) else 1
+        theta = 2 * np.pi * (np.arange(periods * ANGLES) + 0.5) / ANGLES
         y = means[:, None] + amplitude * np.sin(theta)
         values = self.split.phi(y.ravel(), self.split.signs(y.ravel())).reshape(-1, *y.shape)
-        constant = np.mean(values[:, :, ANGLES:], axis=2)
+        constant = np.mean(values[:, :, -ANGLES:], axis=2)
         terms = self.left[0, :, None] * np.vstack([constant, self.split.offset - means])
         total, sizes = np.sum(terms, axis=0), np.sum(np.abs(terms), axis=0)
         sign = np.where(np.abs(total) > ROUNDING * sizes, np.sign(total), 0.0)
