@@ -59,7 +59,7 @@ def test_u1_who_slips_at_break_away_is_the_limit_of_levels_beside_it(n: int, cha
             assert run.success, (seed, kind, run.message)
             error = np.max(np.abs(run.x_end[: 2 * n] - near[0].x_end))
             assert error < gap + (2e-3 if kind else 1e-8), (seed, kind)
-    assert 2 * compared > SEEDS
+    assert compared > SEEDS // 2
 
 
 def test_15_1_levels_in_which_the_states_weigh_nothing_move_no_state() -> None:

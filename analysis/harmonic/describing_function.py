@@ -153,7 +153,7 @@ def describing_function(
     low, high = low / unit, high / unit
     # Before it the sign of a relay with hysteresis is that of the past.
     grid = np.geomspace(max(low, split.least() * (1 + EDGE)), high, LEVELS)
-    means = Means(split)
+    means = Means(split, (float(grid[0]), float(grid[-1])))
     balance = _Balance(split, means)
     spectra = [balance.spectrum(amplitude) for amplitude in grid]
     gain: ComplexArray = np.array([balance.gain(amplitude) / unit for amplitude in grid]).T

@@ -30,10 +30,14 @@ DOUBLINGS = 7
 class Means:
     """One branch of means over the amplitude.
 
+    ends    the least and the largest amplitude
     known   an amplitude and its mean, from which the branch is followed; else from the offset of the input
     """
 
-    def __init__(self, split: Lure, known: tuple[float, float] | None = None) -> None:
+    def __init__(
+        self, split: Lure, ends: tuple[float, float], known: tuple[float, float] | None = None
+    ) -> None:
+        self.ends = ends
         self.split, self.whole, self.last = split, known is None, np.inf
         # The mean of the input by amplitude; nan where none is found.
         self.found: dict[float, float] = {} if known is None else dict([known])
@@ -56,14 +60,14 @@ class Means:
 
     def levels(self, grid: Array) -> Array:
         """Amplitudes close to those where two means meet and end, between those of the grid."""
-        counts = [len(self._brackets(amplitude, grid)) for amplitude in grid.tolist()]
+        counts = [len(self._brackets(amplitude)) for amplitude in grid.tolist()]
         near: list[float] = []
         for k in np.flatnonzero(np.diff(counts)):
             low, high = float(grid[k]), float(grid[k + 1])
             length = high - low
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
-                same = len(self._brackets(middle, grid)) == counts[k]
+                same = len(self._brackets(middle)) == counts[k]
                 low, high = (middle, high) if same else (low, middle)
             near += [low + side * part * length for part in CLOSE for side in (-1, 1)]
         return np.array([size for size in near if grid[0] < size < grid[-1]])
@@ -78,25 +82,25 @@ class Means:
                 if any(abs(mean - other) <= SAME * amplitude for other in taken):
                     branch.last = amplitude  # from here on it is an earlier one
                 taken.append(mean)
-            for low, high in self._brackets(amplitude, grid):
+            for low, high in self._brackets(amplitude):
                 slack = SAME * (amplitude + high - low)
                 if any(low - slack <= mean <= high + slack for mean in taken):
                     continue
                 mean = self._root(low, high, amplitude)
                 if self._balanced(mean, amplitude, LEFT):
                     taken.append(mean)
-                    branches.append(Means(self.split, (amplitude, mean)))
+                    branches.append(Means(self.split, self.ends, (amplitude, mean)))
         return branches[1:]
 
-    def _brackets(self, amplitude: float, grid: Array) -> list[tuple[float, float]]:
-        """Intervals of means in which the condition changes its sign; grid: from first to last amplitude."""
+    def _brackets(self, amplitude: float) -> list[tuple[float, float]]:
+        """Intervals of means in which the condition changes its sign."""
         if amplitude not in self._changes:
-            self._changes[amplitude] = self._changing(amplitude, grid)
+            self._changes[amplitude] = self._changing(amplitude)
         return self._changes[amplitude]
 
-    def _changing(self, amplitude: float, grid: Array) -> list[tuple[float, float]]:
+    def _changing(self, amplitude: float) -> list[tuple[float, float]]:
         """These intervals, by a sum over equal steps in time."""
-        scale = np.geomspace(grid[0], grid[-1], 64)
+        scale = np.geomspace(*self.ends, 64)
         away = np.unique(np.concatenate([amplitude * REACH, scale]))
         centres = [self.split.offset, *self.split.cuts]
         sides = (0.0, -1.0, -0.5, 0.5, 1.0)

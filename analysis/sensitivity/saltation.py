@@ -201,10 +201,10 @@ def pieces(
         for (k, part), matrix in zip(mine, over, strict=True):
             known[k] = matrix
             if part.leaving is not None:
-                known[k] = along(field, matrix, *part.leaving, part.t, part.x, p)
+                known[k] = along(field, matrix, part, *part.leaving, p)
             if part.arriving is not None:
-                begun = sol(part.start[0], side="+")[None, :]
-                known[k] = arrived(field, known[k], part.arriving, begun, part, p)
+                begun = sol(part.start[0], side="+")
+                known[k] = arrived(field, known[k], part, part.arriving, begun, p)
     return [(piece, known.get(k)) for k, piece in enumerate(found)]
 
 
@@ -259,9 +259,7 @@ class Together:
         return self._velocities[mode]
 
     def _velocity(self, mode: Mode, state: Array) -> Array:
-        part = mode_field(self.system, mode, self.names, self.jacobian)
-        t, x = np.array([self.t]), state[None, :]
-        return np.asarray(part.velocity(t, x, part.multipliers(t, x, self.p), self.p)[0])
+        return mode_field(self.system, mode, self.names, self.jacobian).velocity_at(self.t, state, self.p)
 
     def guard(self, mode: Mode, i: int, side: int) -> Array:
         """G_y of surface i in a mode: of h where it is off it, of the multiplier less its end where it slides

@@ -56,27 +56,26 @@ def cut(sol: Interpolant, whole: Smooth, cuts: Array) -> list[Smooth]:
 
 
 def along(
-    field: ModeField, matrix: Array, slope: Array, velocity: Array, t: float, x: Array, p: Array
+    field: ModeField, matrix: Array, part: Smooth, slope: Array, velocity: Array, p: Array
 ) -> Array:
-    """A transition matrix from an exit, made to carry y' at the exit into y' at (t, x), as the flow does.
+    """A transition matrix from an exit, made to carry y' at the exit into y' at its end, as the flow does.
 
     Next to a surface where the field has an infinite slope, the quadrature excites a solution that only a
     displacement across the manifold of exits excites; what moves along y' is known without it.
     """
-    s = field.multipliers(np.array([t]), x[None, :], p)
-    there = field.velocity(np.array([t]), x[None, :], s, p)[0]
-    return np.asarray(matrix + np.outer(there - matrix @ velocity, slope) / (slope @ velocity))
+    return _carrying(matrix, slope, velocity, field.velocity_at(part.t, part.x, p))
 
 
-def arrived(field: ModeField, matrix: Array, slope: Array, start: Array, part: Smooth, p: Array) -> Array:
+def arrived(field: ModeField, matrix: Array, part: Smooth, slope: Array, start: Array, p: Array) -> Array:
     """A transition matrix up to a surface, made to carry y' at its start into y' at its end, as flows do.
 
     Where the field grows so fast that rounding of the time moves the state (a spike of a neuron: 1e15 mV/s),
     the matrix ends beside the surface: by a part of the flow that acts on G_y dy.
     """
-    begin, end = (
-        field.velocity(t, x, field.multipliers(t, x, p), p)[0]
-        for t, x in ((part.start[:1], start), (np.array([part.t]), part.x[None, :]))
-    )
-    there = matrix @ begin
-    return np.asarray(matrix + np.outer(end - there, slope @ matrix) / (slope @ there))
+    begin = field.velocity_at(float(part.start[0]), start, p)
+    return _carrying(matrix, slope @ matrix, begin, field.velocity_at(part.t, part.x, p))
+
+
+def _carrying(matrix: Array, slope: Array, begin: Array, end: Array) -> Array:
+    """The matrix that takes `begin` to `end`, changed for what moves `slope` alone."""
+    return np.asarray(matrix + np.outer(end - matrix @ begin, slope) / (slope @ begin))

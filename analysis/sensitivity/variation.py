@@ -133,6 +133,11 @@ class ModeField:
         out[:, -1] = 1.0
         return out
 
+    def velocity_at(self, t: float, x: Array, p: Array) -> Array:
+        """y' at one point, with the multipliers there: (N,)."""
+        times, states = np.array([t]), x[None, :]
+        return np.asarray(self.velocity(times, states, self.multipliers(times, states, p), p)[0])
+
     def multiplier_slope(self, t: Array, x: Array, s: Array, p: Array) -> Array:
         """ds/dy of the sliding surfaces: (k, sliding, N)."""
         rs = self.part("rs", t, x, s, p)[:, self.sliding, :]

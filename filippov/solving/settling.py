@@ -123,8 +123,8 @@ class Settling(ABC):
             return self._end(Status.ZENO, detail)
         machine = run.machine
         open_ends = [i for i in limit.surfaces if machine.resets_from[i] and not machine.contacts[i]]
-        ends = run.last_decided()
-        last = -1 if ends is None else ends.index
+        event = run.last_decided()
+        last = -1 if event is None else event.index
         if last in open_ends and passes_at_rest(run, last, limit):
             # Of a block that rocks to rest on both feet: the signs hold it there until one lifts.
             before, kept = run.signs, (run.t, run.x.copy())

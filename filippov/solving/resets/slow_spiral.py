@@ -65,7 +65,7 @@ def slow_spiral(run: Run) -> SlowSpiral | None:
     """The spiral to which the events so far belong, None where they follow no such law."""
     machine, m = run.machine, run.machine.m
     # What is watched alone and clocks that move nothing have no part in the law.
-    events = [e for e in run.events if e.index < m and machine.roles[e.index] != "observer"]
+    events = [event for event in run.events if run.decides(event.index)]
     if len(events) < 4 * LEAST_LAPS or len(run.events) < run.events.total:
         return None
     clocks = {event.index - m for event in run.events[-RECENT:] if event.index >= m}
@@ -109,9 +109,9 @@ def power_law(run: Run) -> Accumulation | None:
     Then t_n = t - c n**-k: the last half of the events took 2**-k of the time that the half before took.
     None where three such halvings do not agree.
     """
-    past, roles = run.events.past(len(run.events)), run.machine.roles
+    past = run.events.past(len(run.events))
     # What is watched alone, and clocks, have no part in the law.
-    own = [i < len(roles) and roles[i] != "observer" for i in past.surface.tolist()]
+    own = [run.decides(i) for i in past.surface.tolist()]
     times, surfaces = past.t[own], past.surface[own]
     n = len(times)
     if n < LEAST_EVENTS or len(run.events) < run.events.total:

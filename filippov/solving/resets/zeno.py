@@ -370,9 +370,8 @@ def _taking_part(run: Run, past: Past, most: int, first: float, middle: float) -
 
     What is crossed once on the way has no part in them. most: events that are looked at
     """
-    roles, ago = run.machine.roles, np.abs(past.t[-most:] - past.t[-1]).tolist()
-    surfaces = [(i, d) for i, d in zip(past.surface[-most:].tolist(), ago, strict=True) if i < len(roles)]
-    passed = [(i, d) for i, d in surfaces if roles[i] != "observer"]
+    ago = np.abs(past.t[-most:] - past.t[-1]).tolist()
+    passed = [(i, d) for i, d in zip(past.surface[-most:].tolist(), ago, strict=True) if run.decides(i)]
     last, before = {i for i, d in passed if d < middle}, {i for i, d in passed if middle <= d < first}
     return tuple(sorted(last & before))
 

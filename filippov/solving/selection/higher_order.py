@@ -1,7 +1,8 @@
 """Sliding of higher order as a mode of a run: when it begins, which system follows it, how it is left.
 
-A solution gets onto h = h' = 0 where its cycles pile up, where it arrives without any, or where it starts.
-The run goes on with the machine of a `reduction`, until a multiplier leaves its set or the state jumps.
+A solution gets onto h = h' = 0 where its cycles pile up, where it arrives without any (overdamped
+super-twisting), or where it starts there. From then on the run goes on with the machine of a `reduction`; its
+own one comes back where a multiplier leaves its set, or a jump of the state throws the solution off.
 """
 
 from __future__ import annotations
@@ -295,7 +296,7 @@ class HigherOrder:
         }
         speeds = [self.rates[key] for e, key in recent if e.index == i and e.kind is EventKind.CROSSING]
         first = abs(self._rate(i, *self.start, self.run.mode))
-        came_down = now <= CAME_DOWN * max(now, first, *self.rates.values())
+        came_down = now <= CAME_DOWN * max([first, *self.rates.values()])
         settled = came_down or noise([*speeds, now])
         if not settled and not (fades(speeds) and self._began_near(i)):
             return "the solution has not settled"
@@ -342,7 +343,10 @@ class HigherOrder:
         return np.asarray(1e2 * (self.run.atol + self.run.options.rtol * size))
 
     def settles(self, slid: Sequence[int]) -> Begun | str:
-        """Begin where a slide has led to the end of its own surface, of no slope or an infinite one."""
+        """Begin where a slide has led to the end of its own surface, off which nothing leads.
+
+        The slope of the surface vanishes or is infinite there, and the slide has no multiplier.
+        """
         found: Begun | str = "it does not slide"
         for i in slid:
             found = self.begin([i], self._slack(), alone=True)

@@ -346,10 +346,14 @@ class Run:
         """The surfaces off which the solution does not slide, and on which others hold it."""
         return [int(i) for i in np.flatnonzero(self.order == codes.ALONG)]
 
+    def decides(self, i: int) -> bool:
+        """Whether i is a surface that decides the solution, and nothing that is watched alone or a clock."""
+        return i < self.machine.m and self.machine.roles[i] != "observer"
+
     def decided(self, most: int) -> list[Event]:
-        """The last events, so many at most, of what decides the solution: no observers, no user events."""
-        roles, m = self.machine.roles, self.machine.m
-        decided = (e for e in reversed(self.events) if e.index >= m or roles[e.index] != "observer")
+        """The last events, so many at most, of surfaces that decide the solution and of clocks."""
+        m = self.machine.m
+        decided = (e for e in reversed(self.events) if e.index >= m or self.decides(e.index))
         return [*islice(decided, most)][::-1]
 
     def last_decided(self) -> Event | None:
