@@ -26,7 +26,7 @@ from filippov import t as time
 from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.event_map import EventMap
 from filippov.base.arrays import Array
-from filippov.model.symbolic import slope_of
+from filippov.model.partials import Partials
 
 NEWTON = 40
 
@@ -63,10 +63,11 @@ class Orbits:
     def _side(self, sign: int, numbers: dict[Any, Any]) -> Side:
         form = self.form
         put = {**numbers, form.s[0]: sympy.Integer(sign)}
+        partials = Partials()
         rows = {
             "f": [f.xreplace(put) for f in form.field],
-            "fx": [slope_of(f, x).xreplace(put) for f in form.field for x in form.x],
-            "fa": [slope_of(f, form.a[0]).xreplace(put) for f in form.field],
+            "fx": [partials.by(f, x).xreplace(put) for f in form.field for x in form.x],
+            "fa": [partials.by(f, form.a[0]).xreplace(put) for f in form.field],
         }
         made = {name: sympy.lambdify((*form.x, form.a[0]), row, "numpy") for name, row in rows.items()}
 

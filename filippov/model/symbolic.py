@@ -18,6 +18,7 @@ from sympy import Expr, Symbol
 from filippov.base.errors import UsageError
 from filippov.base.given import several
 from filippov.model.parameter_symbol import ParameterSymbol
+from filippov.model.partials import Partials
 from filippov.model.signals.samples import Samples
 from filippov.model.symbols import t
 
@@ -52,9 +53,12 @@ class Select(sympy.Function):
         c, plus, minus = self.args
         return self.func(c, plus._eval_evalf(prec), minus._eval_evalf(prec))
 
+    def differentiated(self, inner: Sequence[Expr]) -> Expr:
+        """Return the derivative, given those of the arguments."""
+        return self.func(self.args[0], *inner[1:])
+
     def _eval_derivative(self, symbol: Symbol) -> Expr:
-        c, plus, minus = self.args
-        return self.func(c, plus.diff(symbol), minus.diff(symbol))
+        return self.differentiated([arg.diff(symbol) for arg in self.args])
 
     def fdiff(self, argindex: int = 1) -> Expr:
         """Return the derivative by one argument; 0 by c."""
@@ -276,35 +280,6 @@ def convex(f: Expr, free: set[Symbol]) -> Expr:
     return f.func(*args)
 
 
-class _Power(sympy.Function):
-    """b**e, differentiated to e b**(e - 1): sympy's own e b**e / b is 0/0 at b = 0."""
-
-    nargs = 2
-
-    def fdiff(self, argindex: int = 1) -> Expr:
-        """Return e b**(e - 1), or b**e log b."""
-        base, exponent = self.args
-        if argindex == 1:
-            return exponent * _Power(base, exponent - 1)
-        return _Power(base, exponent) * sympy.log(base)
-
-
-def slope_of(f: Expr, by: Symbol) -> Expr:
-    """The partial derivative of f, with a value wherever its powers have one."""
-    return _rebuilt(_rebuilt(f, hide=True).diff(by), hide=False)
-
-
 def _derivative(functions: Sequence[Expr], by: Sequence[Symbol]) -> sympy.Matrix:
-    hidden = [_rebuilt(f, hide=True) for f in functions]
-    return sympy.Matrix(len(functions), len(by), lambda i, j: _rebuilt(hidden[i].diff(by[j]), hide=False))
-
-
-def _rebuilt(f: Expr, hide: bool) -> Expr:
-    if not f.args:
-        return f
-    args = [_rebuilt(arg, hide) for arg in f.args]
-    if hide and f.is_Pow and not args[1].is_Integer and args[0].free_symbols and args[0] != sympy.E:
-        return _Power(*args)
-    if not hide and isinstance(f, _Power):
-        return sympy.Pow(*args)
-    return f.func(*args)
+    partials = Partials()
+    return sympy.Matrix(len(functions), len(by), lambda i, j: partials.by(functions[i], by[j]))

@@ -25,10 +25,11 @@ from filippov.kernel.codegen.input_slots import input_text, places
 from filippov.kernel.codegen.pieces import pieces
 from filippov.kernel.codegen.repeated import Repeated, repeated
 from filippov.kernel.codegen.structure import Structure, same_as
+from filippov.model.partials import Partials
 from filippov.model.signals.input import Sampled
 from filippov.model.size import expanded
 from filippov.model.surface import Surface
-from filippov.model.symbolic import Select, SymbolicForm, convex, slope_of
+from filippov.model.symbolic import Select, SymbolicForm, convex
 from filippov.model.symbols import t
 
 INLINED = 2500
@@ -220,14 +221,15 @@ def total_gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[
     """
     place = {q: j for j, q in enumerate((*form.x, t))}
     number = {a: k for k, a in enumerate(form.a)}
+    partials = Partials()
     rows: list[list[Expr]] = []
     for h in form.h:
-        inside = h.free_symbols
+        inside = partials.symbols(h)
         row = [sympy.S.Zero] * len(place)
         for q in inside & place.keys():
-            row[place[q]] = _ended(slope_of(h, q), place.keys())
+            row[place[q]] = _ended(partials.by(h, q), place.keys())
         for k in sorted(number[a] for a in inside & number.keys()):
-            slope = slope_of(h, form.a[k]) * modes[k]
+            slope = partials.by(h, form.a[k]) * modes[k]
             if _roots(slope, {form.a[k]}):
                 slope = Select(2 * modes[k] ** 2 - 1, slope, 0)
             row = [total + slope * inner for total, inner in zip(row, rows[k], strict=True)]
@@ -248,12 +250,12 @@ def _ended(slope: Expr, moving: Collection[Symbol]) -> Expr:
 
 def jointly_affine(form: SymbolicForm) -> bool:
     """Whether the field is a constant plus a sum of terms in one sign each."""
-    free = set(form.s)
+    free, partials = set(form.s), Partials()
     for f in form.field:
-        g = convex(f, free) if f.free_symbols & free else f
-        for s in g.free_symbols & free if not _written_affine(g, free) else ():
-            slope = g.diff(s)
-            if slope.free_symbols & free and expanded(slope).free_symbols & free:
+        g = convex(f, free) if partials.symbols(f) & free else f
+        for s in partials.symbols(g) & free if not _written_affine(g, free, partials) else ():
+            slope = partials.by(g, s)
+            if partials.symbols(slope) & free and expanded(slope).free_symbols & free:
                 return False
     return True
 
@@ -291,26 +293,26 @@ def straight_rates(
     roles |= {a: f"size {bent}" for a, bent in zip(form.a, linear, strict=True)}
     # Most blocks of a long chain have the same form.
     known: dict[Hashable, bool] = {}
-    out = []
+    partials, out = Partials(), []
     for a, row, straight in zip(form.a, rows, linear, strict=True):
         terms = [(slope, form.field[j] if j < len(form.x) else sympy.S.One) for j, slope in row.items()]
         key = straight and pattern([a, *(e for pair in terms for e in pair)], roles)
         if key not in known:
-            known[key] = straight and _straight(form, a, terms, linear, varying)
+            known[key] = straight and _straight(form, a, terms, linear, varying, partials)
         out.append(known[key])
     return out
 
 
 def _straight(
     form: SymbolicForm, size: Symbol, terms: Sequence[tuple[Expr, Expr]], linear: Sequence[bool],
-    varying: set[Symbol],
+    varying: set[Symbol], partials: Partials,
 ) -> bool:  # fmt: skip
     """Whether a rate, a sum of slopes times components of the field, is affine where its own size is 0."""
-    rate = sum((slope * f for slope, f in terms), sympy.S.Zero)
-    if size in rate.free_symbols:
+    rate = sympy.Add(*(slope * f for slope, f in terms))
+    if size in partials.symbols(rate):
         rate = rate.subs(size, 0)
-    free = rate.free_symbols
-    return all(linear[k] for k, a in enumerate(form.a) if a in free) and _affine(rate, varying)
+    free = partials.symbols(rate)
+    return all(linear[k] for k, a in enumerate(form.a) if a in free) and _affine(rate, varying, partials)
 
 
 def _counts(e: Expr) -> bool:
@@ -318,32 +320,33 @@ def _counts(e: Expr) -> bool:
     return e is not sympy.S.Zero and e != 0
 
 
-def _affine(e: Expr, varying: set[Symbol]) -> bool:
+def _affine(e: Expr, varying: set[Symbol], partials: Partials) -> bool:
     """Whether an expression is affine in some symbols: as written, or by its derivatives."""
-    e = _bent(e, varying)
-    return not any(e.diff(q).free_symbols & varying for q in e.free_symbols & varying)
+    e = _bent(e, varying, partials)
+    moving = partials.symbols(e) & varying
+    return not any(partials.symbols(partials.by(e, q)) & varying for q in moving)
 
 
-def _bent(e: Expr, varying: set[Symbol]) -> Expr:
+def _bent(e: Expr, varying: set[Symbol], partials: Partials) -> Expr:
     """The part of an expression that is not affine as written, without constant factors; 0 for none."""
     while True:
-        moving = [arg for arg in e.args if arg.free_symbols & varying]
+        moving = [arg for arg in e.args if partials.symbols(arg) & varying]
         if e.is_Mul and len(moving) == 1:
             e = moving[0]
             continue
-        left = [arg for arg in moving if not _written_affine(arg, varying)] if e.is_Add else moving
+        left = [arg for arg in moving if not _written_affine(arg, varying, partials)] if e.is_Add else moving
         if not e.is_Add or len(left) == len(e.args):
             return e
         e = sympy.Add(*left)
 
 
-def _written_affine(e: Expr, varying: set[Symbol]) -> bool:
+def _written_affine(e: Expr, varying: set[Symbol], partials: Partials) -> bool:
     """Whether an expression is affine in some symbols as written, by sums and multiples."""
     if not e.args:
         return True
-    moving = [arg for arg in e.args if arg.free_symbols & varying]
+    moving = [arg for arg in e.args if partials.symbols(arg) & varying]
     one = e.is_Add or (e.is_Mul and len(moving) == 1)
-    return not moving or (one and all(_written_affine(arg, varying) for arg in moving))
+    return not moving or (one and all(_written_affine(arg, varying, partials) for arg in moving))
 
 
 def filled(rows: Sequence[Sequence[Expr]]) -> list[dict[int, Expr]]:
