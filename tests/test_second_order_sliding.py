@@ -3,6 +3,7 @@
 import math
 import os
 
+import mpmath
 import numpy as np
 import pytest
 import sympy
@@ -215,3 +216,32 @@ def test_14_5_surfaces_of_first_order_are_told_from_their_own_states(seed: int) 
             kinds.add(first)
             assert _of_first_order(form, zero, signs, gone, at) == first
     assert kinds == {True, False}
+
+
+def speed_after(cycles: int, v: float, a: float, c: float) -> float:
+    """|v| where x'' = -a sgn x - c x', which leaves x = 0 with speed v, has passed it so many times again.
+
+    Off x = 0: c x = (v + a/c)(1 - exp(-c t)) - a t.
+    """
+    with mpmath.workdps(40):
+        v, a, c = mpmath.mpf(v), mpmath.mpf(a), mpmath.mpf(c)
+        for _ in range(cycles):
+            over = v + a / c
+            # The root of 1 - exp(-s) = s a/(c v + a) other than 0, s = c t.
+            s = mpmath.findroot(lambda s, over=over: -mpmath.expm1(-s) - s * (a / c) / over, 2 * c * v / a)
+            v = a / c - over * mpmath.exp(-s)
+        return float(v)
+
+
+@pytest.mark.parametrize("seed", range(DRAWS // 10))
+def test_7_cycles_within_the_tolerance_of_h_are_followed_as_others_are(seed: int) -> None:
+    """x is below atol throughout, v is not: the speeds are those of the closed form."""
+    draw = np.random.default_rng(seed)
+    a, c, v = draw.uniform(1, 4), draw.uniform(0.2, 1.0), 10 ** draw.uniform(-6, -4.7)
+    system = System({X: Y, Y: -float(a) * sign(X) - float(c) * Y})
+    run = solve(system, (0, v), (0, 1), rtol=1e-9, atol=1e-10, events=[], max_events=600, dense_output=False)
+    assert run.status is Status.MAX_EVENTS
+    assert len(run.events) == 600
+    known = speed_after(600, v, a, c)
+    assert abs(run.x_end[1]) == pytest.approx(known, rel=1e-7)
+    assert abs(known - v) > 1e-5 * v

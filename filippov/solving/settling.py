@@ -35,6 +35,7 @@ from filippov.solving.resets.zeno import (
     with_approached,
 )
 from filippov.solving.selection.ambiguity import point_of
+from filippov.solving.selection.faint_cycles import go_on
 from filippov.solving.selection.higher_order import Begun, HigherOrder, Left
 from filippov.solving.selection.modes import successors
 from filippov.solving.selection.observed import observe, watched
@@ -222,6 +223,7 @@ class Settling(ABC):
             begun = "" if root and lawful(self.run) else self.higher.arrives(triggered[0])
             if isinstance(begun, Begun):
                 return self._changed(before, begun.mode, begun.multipliers, triggered, begun.note)
+            go_on(self.run, triggered[0])
             over = self.higher.across(triggered[0]) if root and triggered[0] in self._near() else None
             if over is not None:
                 self.run.put(over.mode, over.order, tuple(self.run.lam.tolist()))

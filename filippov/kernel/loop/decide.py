@@ -3,7 +3,7 @@
 from filippov.kernel.language.primitives import NAN, inline, kernel, seldom, shift_indices
 from filippov.kernel.loop.control import guard_state, guards_on, mark_triggers
 from filippov.kernel.loop.corner_event import leave_corner, reach_corner, take_corner
-from filippov.kernel.loop.event_cycle import fading, faint, zeno_horizon, zeno_remaining
+from filippov.kernel.loop.event_cycle import fading, faint, settling, zeno_horizon, zeno_remaining
 from filippov.kernel.loop.field import field
 from filippov.kernel.loop.model import (
     COMPONENT,
@@ -67,8 +67,7 @@ def kind_of(run: Trajectory) -> int:
     # Roots of a guard that is followed relative to itself are known to a part of the last cycle.
     cycle = max(abs(te - clock.fast_from), clock.fast_span) if clock.relative < 0.0 else 0.0
     told = cause == ROOT or clock.relative < 0.0  # elsewhere the mode after a tangency is the same
-    followed = run.zeno[surface].slow != 0.0
-    if told and not followed and faint(te, x, p, m, surface, te - now.t, clock.rtol * cycle, w, iw, ctx):
+    if told and settling(run, faint(te, x, p, m, surface, te - now.t, clock.rtol * cycle, w, iw, ctx)):
         return NONE
     if fading(run):
         return NONE

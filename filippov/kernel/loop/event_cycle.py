@@ -113,6 +113,20 @@ def faint(
 
 
 @kernel
+def settling(run: Trajectory, is_faint: bool) -> bool:
+    """Whether it is to be asked if the solution has settled: a cycle is faint, and none that is followed.
+
+    Where many faint ones have led on, it is asked at a part of them (`selection.faint_cycles`).
+    """
+    cycles = run.zeno[run.now.surface]
+    if not is_faint or cycles.slow != 0.0:
+        cycles.faint, cycles.ask = 0.0, 0.0
+        return False
+    cycles.faint += 1.0
+    return cycles.faint >= cycles.ask
+
+
+@kernel
 def fading(run: Trajectory) -> bool:
     """Whether a kink of a field that is not Lipschitz is reached no faster than the tolerance lets it turn.
 

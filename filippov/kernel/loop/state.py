@@ -157,6 +157,9 @@ class EventCycles(Struct):
     widest: float
     # 1 where cycles shrink as a power of their number: they are followed, however faint.
     slow: float
+    # How many events in a row were faint, and at which of them it is asked whether the solution has settled.
+    faint: float
+    ask: float
 
 
 class Past(Struct):
