@@ -309,3 +309,13 @@ def test_12_13_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert begun["iterates"] == 5 < last["iterates"]
     assert last["label"] == found["label"]
     assert main(["attractors", "impact_oscillator"]) == 2
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.3])
+def test_all_states_go_to_where_twisting_comes_to_rest(damping: float) -> None:
+    """x'' = -2 sgn x - sgn x' - c x' is at rest in finite time, on two surfaces and one rate."""
+    system = System({X: V, V: -2 * sign(X) - sign(V) - damping * V})
+    found = attractors(system, {"x": (-1, 1), "v": (-1, 1)}, samples=16)
+    assert [one.kind for one in found.attractors] == ["equilibrium"]
+    assert found.attractors[0].states[0] == pytest.approx([0, 0], abs=1e-12)
+    assert np.all(found.label == 0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from filippov import Surface, System, cos, parameters, sign, sin, solve, states
+from filippov import Surface, System, cos, parameters, sign, sin, solve, sqrt, states
 from filippov import t as time
 from filippov.analysis import flow_derivative
 from filippov.analysis.sensitivity import saltation
@@ -144,3 +144,32 @@ def test_derivatives_of_functions_that_vary_over_any_length(turns: int, size: fl
     system = System(field=field, surfaces=[pivot], states="q w")
     run = solve(system, start, (0, 6), rtol=1e-10, atol=1e-12 * size)
     np.testing.assert_allclose(flow_derivative(run), exact, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_12_12_along_sliding_of_second_order_the_multiplier_carries_what_disturbs_it(seed: int) -> None:
+    """Super-twisting holds x = z = 0 with s = q w/k2, w = w0 exp(-a t), and u' = -k2 s (1 + w)."""
+    k1, k2, q, a, w0, end = np.random.default_rng(seed).uniform([1.5, 1.2, 0.2, 0.3, 0.3, 0.5], 2.0).round(3)
+    x, z, w, u = states("x z w u")
+    p = parameters(k1=k1, k2=k2, q=0.5 * q, a=a)
+    pull = p.k2 * sign(x)
+    held = {x: -p.k1 * sqrt(abs(x)) * sign(x) + z, z: p.q * w - pull}
+    system = System({**held, w: -p.a * w, u: -pull * (1 + w)})
+    run = solve(system, (0, 0, 0.5 * w0, 0), (0, end), rtol=1e-11, atol=1e-13)
+    q, w0 = 0.5 * q, 0.5 * w0
+    # u = -q (w0 E(a) + w0**2 E(2 a)), E(b) = (1 - exp(-b t))/b.
+    once, twice = (-math.expm1(-b * end) / b for b in (a, 2 * a))
+    assert run.x_end[3] == pytest.approx(-q * (w0 * once + w0**2 * twice), abs=1e-11)
+    by_a = [(end * math.exp(-b * end) - e) / b for b, e in ((a, once), (2 * a, twice))]
+    exact = [-q * (once + 2 * w0 * twice), 1.0, -w0 * once - w0**2 * twice, 0.0]
+    exact.append(-q * (w0 * by_a[0] + 2 * w0**2 * by_a[1]))
+    got = flow_derivative(run, parameters=("q", "k2", "a"))
+    np.testing.assert_allclose(got[3, 2:], exact, atol=1e-9)
+
+
+def test_12_12_where_two_signs_hold_one_rate_their_sum_carries_what_is_left() -> None:
+    """Twisting at x = v = 0, disturbed by y: y' = x + v - y goes on by itself."""
+    x, v, y = states("x v y")
+    system = System({x: v, v: -2 * sign(x) - sign(v) - 0.3 * v + y / 10, y: x + v - y})
+    run = solve(system, (0, 0, 1), (0, 1.5), rtol=1e-11, atol=1e-13)
+    np.testing.assert_allclose(flow_derivative(run)[:, 2], [0.0, 0.0, math.exp(-1.5)], atol=1e-10)

@@ -7,6 +7,7 @@ autonomous           R(x) = Phi(dt, x), or the next event of a section
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -32,6 +33,8 @@ SHARES = (0.371, 0.713)
 MOST, LEAST, GAIN, FURTHER = 0.3, 1e-4, 1.5, 256
 # Displacement in tolerances that is none.
 NOISE = 10.0
+# Of an ensemble, what has a row for each trajectory.
+_ROWS = ("t", "x", "mode", "nfev", "counts", "last")
 # How often the step is chosen anew, after so many steps.
 ROUNDS, SETTLED = 3, 20
 
@@ -136,7 +139,7 @@ class StateMap:
 
     def __call__(self, states: Array) -> tuple[Array, Ensemble]:
         """Images of states with how each solution ended; one that meets no section is at its end."""
-        ends = self._prepared.run(states, np.tile(self.p, (len(states), 1)))
+        ends = self._ends(self._prepared, states)
         return ends.x, ends
 
     def timed(self) -> StateMap:
@@ -151,7 +154,17 @@ class StateMap:
     def over(self, states: Array, duration: float) -> Ensemble:
         """Where solutions from states at t0 are after another time than the map's."""
         prepared = Prepared(self.system, (self.t0, self.t0 + duration), threads=self.threads, **self.options)
-        return prepared.run(states, np.tile(self.p, (len(states), 1)))
+        return self._ends(prepared, states)
+
+    def _ends(self, prepared: Prepared, states: Array) -> Ensemble:
+        """How solutions from these states end; equal states, as of those at rest, are solved once."""
+        unlike, place = np.unique(states, axis=0, return_inverse=True)
+        if len(unlike) == len(states):
+            return prepared.run(states, np.tile(self.p, (len(states), 1)))
+        ends, place = prepared.run(unlike, np.tile(self.p, (len(unlike), 1))), place.reshape(-1)
+        each: dict[str, Any] = {name: getattr(ends, name)[place] for name in _ROWS}
+        each |= {name: tuple(getattr(ends, name)[k] for k in place) for name in ("status", "message")}
+        return replace(ends, **each)
 
     def done(self, ends: Ensemble) -> npt.NDArray[np.bool_]:
         """Which solutions reached the end of the map's time, or its section."""

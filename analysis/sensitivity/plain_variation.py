@@ -95,6 +95,15 @@ class PlainParts:
     def _rs(self, at: _Point) -> Array:
         return self._by_signs("r", at)
 
+    def _k(self, at: _Point) -> Array:
+        return self._r(at)[self.sliding]
+
+    def _ky(self, at: _Point) -> Array:
+        return self._ry(at)[self.sliding]
+
+    def _ks(self, at: _Point) -> Array:
+        return self._rs(at)[self.sliding]
+
     def _radius(self, at: _Point) -> Array:
         record = self.system.parameters.record(at.p)
         rows = [

@@ -1,9 +1,10 @@
 """The linearised field of every mode, sliding included, exact from the symbolic form.
 
 Derivatives are taken by y = (x, q, t): the states, requested parameters q, and time, which evolve with
-y' = (f, 0, 1). In a sliding mode the multipliers follow: s(y) solves r(y, s) = dh/dt = 0, so the matrix of
-the linearised field is A = f_y - f_s (r_s)^-1 r_y (implicit function theorem). A system of plain functions is
-differentiated in `filippov.analysis.sensitivity.plain_variation`.
+y' = (f, 0, 1). In a sliding mode the multipliers follow: s(y) solves k(y, s) = dh/dt = 0, so the matrix of
+the linearised field is A = f_y - f_s (k_s)^-1 k_y (implicit function theorem). Where no sign acts on dh/dt,
+as in sliding of higher order, k is the first derivative d^q h/dt^q on which one does. A system of plain
+functions is differentiated in `filippov.analysis.sensitivity.plain_variation`.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.plain_variation import PlainParts
 from filippov.base.arrays import Array
 from filippov.base.names import unknown
+from filippov.model.symbolic import rate_along
 
 # Of the sum of its terms: a rate below it is 0 to rounding, and a field that a multiplier moves by less does
 # not depend on it.
@@ -38,14 +40,15 @@ class Parts(Protocol):
     affine: bool
 
     def part(self, name: str, t: Array, x: Array, s: Array, p: Array) -> Array:
-        """One of f, fy, fs, h, hy, r, ry, rs, radius, radiusy: (k, rows, columns)."""
+        """One of f, fy, fs, h, hy, r, ry, rs, k, ky, ks, radius, radiusy: (points, rows, columns)."""
 
 
 class SymbolicParts:
     """The parts of a mode from expressions.
 
-    f (n, 1), fy (n, N), fs (n, sliding); h (m, 1), hy (m, N); r (m, 1), ry (m, N), rs (m, sliding);
-    radius (m, 2), radiusy (2 m, N), with N = n + number of parameters + 1.
+    f (n, 1), fy (n, N), fs (n, sliding); h (m, 1), hy (m, N); r = dh/dt (m, 1), ry (m, N), rs (m, sliding);
+    what the multipliers solve, k (sliding, 1), ky (sliding, N), ks (sliding, sliding); radius (m, 2),
+    radiusy (2 m, N), with N = n + number of parameters + 1.
     """
 
     def __init__(self, system: System, mode: tuple[int, ...], names: tuple[str, ...]) -> None:
@@ -58,16 +61,22 @@ class SymbolicParts:
         free = [form.s[i] for i, sign in enumerate(mode) if sign == 0]
         slope = h.jacobian(form.x) if len(h) else sympy.zeros(0, len(form.x))
         rate = h.diff(time) + slope * f if len(h) else h
+        held = [i for i, sign in enumerate(mode) if sign == 0]
+        known = {i: _acted_on(rate[i], list(f), form.x, set(free)) for i in held}
         radius = sympy.Matrix([list(pair) for pair in form.radius]) if len(h) else sympy.zeros(0, 2)
         ends = _column(radius)
         matrices = {
             "f": f, "fy": _slopes(f, by), "fs": _slopes(f, free), "h": h, "hy": _slopes(h, by),
-            "r": rate, "ry": _slopes(rate, by), "rs": _slopes(rate, free), "radius": radius,
-            "radiusy": _slopes(ends, by),
+            "r": rate, "ry": _slopes(rate, by), "rs": _slopes(rate, free), "k": _column(known.values()),
+            "radius": radius, "radiusy": _slopes(ends, by),
         }  # fmt: skip
-        held = [i for i, sign in enumerate(mode) if sign == 0]
-        rates = matrices["rs"][held, :] if held else sympy.zeros(0, 0)
-        self.affine = not rates.free_symbols & set(free)
+        for name, first, names_of in (("ky", "ry", by), ("ks", "rs", free)):
+            rows = [
+                matrices[first][i, :] if k == rate[i] else _slopes(sympy.Matrix([k]), names_of)
+                for i, k in known.items()
+            ]
+            matrices[name] = sympy.Matrix.vstack(*rows) if rows else sympy.zeros(0, len(names_of))
+        self.affine = not matrices["ks"].free_symbols & set(free)
         self._shapes = {name: matrix.shape for name, matrix in matrices.items()}
         self._arguments = arguments
         self._matrices = matrices
@@ -87,6 +96,16 @@ class SymbolicParts:
         for j, value in enumerate(values):
             out[:, j] = value
         return out.reshape(t.size, rows, columns)
+
+
+def _acted_on(rate: Any, field: Sequence[Any], x: Sequence[Any], free: set[Any]) -> Any:
+    """The rate, or the first of its derivatives along the field with a free sign in it; itself for none."""
+    found = rate
+    for _ in range(len(x)):
+        if found.free_symbols & free:
+            return found
+        found = rate_along(found, field, x)
+    return found if found.free_symbols & free else rate
 
 
 def _column(items: Any) -> sympy.Matrix:
@@ -140,9 +159,13 @@ class ModeField:
 
     def multiplier_slope(self, t: Array, x: Array, s: Array, p: Array) -> Array:
         """ds/dy of the sliding surfaces: (k, sliding, N)."""
-        rs = self.part("rs", t, x, s, p)[:, self.sliding, :]
-        ry = self.part("ry", t, x, s, p)[:, self.sliding, :]
-        return np.asarray(-linalg.solve(rs, ry), dtype=np.float64)
+        ks, ky = self.part("ks", t, x, s, p), self.part("ky", t, x, s, p)
+        try:
+            return np.asarray(-linalg.solve(ks, ky), dtype=np.float64)
+        except linalg.MatrixError:
+            if np.any(self._left_free(ks, t, x, s, p)):
+                raise
+            return np.asarray(-(linalg.pinv(ks) @ ky), dtype=np.float64)
 
     def matrix(self, t: Array, x: Array, s: Array, p: Array) -> Array:
         """A = dy'/dy along the mode: (k, N, N)."""
@@ -154,33 +177,37 @@ class ModeField:
         return out
 
     def multipliers(self, t: Array, x: Array, p: Array) -> Array:
-        """Signs (k, m) with the multipliers of the sliding surfaces solved from r = 0 (Newton from 0)."""
+        """Signs (k, m) with the multipliers of the sliding surfaces solved from k = 0 (Newton from 0)."""
         s = np.tile(np.array(self.mode, dtype=float), (t.size, 1))
         for _ in range(40 if self.sliding else 0):
-            r = self.part("r", t, x, s, p)[:, self.sliding, 0]
-            rs = self.part("rs", t, x, s, p)[:, self.sliding, :]
-            change = self._newton(rs, r, t, x, s, p)
+            known, ks = self.part("k", t, x, s, p)[:, :, 0], self.part("ks", t, x, s, p)
+            change = self._newton(ks, known, t, x, s, p)
             s[:, self.sliding] -= change
             if self.parts.affine or np.max(np.abs(change), initial=0.0) < 1e-14 * (1.0 + np.max(np.abs(s))):
                 break
         return s
 
-    def _newton(self, rs: Array, r: Array, t: Array, x: Array, s: Array, p: Array) -> Array:
-        """The change of the multipliers to r = 0. Where neither a rate nor the field depends on one, as where
+    def _newton(self, ks: Array, known: Array, t: Array, x: Array, s: Array, p: Array) -> Array:
+        """The change of the multipliers to k = 0. Where neither a rate nor the field depends on one, as where
         a slide k v (1 - s) comes to v = 0, any value holds it: the nearest one."""
         try:
-            return np.asarray(linalg.solve(rs, r[..., None])[..., 0])
+            return np.asarray(linalg.solve(ks, known[..., None])[..., 0])
         except linalg.MatrixError:
-            inverse = linalg.pinv(rs)
-            change = (inverse @ r[..., None])[..., 0]
-            left = np.abs((rs @ change[..., None])[..., 0] - r)
+            change = (linalg.pinv(ks) @ known[..., None])[..., 0]
+            left = np.abs((ks @ change[..., None])[..., 0] - known)
             normals = np.abs(self.part("hy", t, x, s, p)[:, self.sliding, :])
             size = (normals @ np.abs(self.velocity(t, x, s, p))[..., None])[..., 0]
-            moved = np.abs(self.part("fs", t, x, s, p) @ (np.eye(rs.shape[-1]) - inverse @ rs))
-            speed = np.abs(self.part("f", t, x, s, p)).max(axis=(1, 2))
-            if np.any(left > ROUNDING * size) or np.any(moved.max(axis=(1, 2)) > ROUNDING * speed):
+            size = np.maximum(size, np.abs(ks).sum(axis=2) * (1.0 + np.abs(s).max(axis=1, keepdims=True)))
+            if np.any(left > ROUNDING * size) or np.any(self._left_free(ks, t, x, s, p)):
                 raise
             return np.asarray(change)
+
+    def _left_free(self, ks: Array, t: Array, x: Array, s: Array, p: Array) -> npt.NDArray[np.bool_]:
+        """Where the field depends on what k = 0 leaves free in the multipliers: (points,)."""
+        fs = np.abs(self.part("fs", t, x, s, p))
+        moved = np.abs(self.part("fs", t, x, s, p) @ (np.eye(ks.shape[-1]) - linalg.pinv(ks) @ ks))
+        size = np.maximum(np.abs(self.part("f", t, x, s, p)).max(axis=(1, 2)), fs.max(axis=(1, 2)))
+        return np.asarray(moved.max(axis=(1, 2)) > ROUNDING * size)
 
 
 @lru_cache(maxsize=512)
