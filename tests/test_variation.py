@@ -12,7 +12,7 @@ from scipy.linalg import expm
 
 from filippov import Surface, System, cos, parameters, sign, sin, solve, sqrt, states
 from filippov import t as time
-from filippov.analysis import flow_derivative
+from filippov.analysis import find_orbit, flow_derivative
 from filippov.analysis.sensitivity import saltation
 from filippov.analysis.sensitivity.variation import mode_field, transitions
 
@@ -173,3 +173,13 @@ def test_12_12_where_two_signs_hold_one_rate_their_sum_carries_what_is_left() ->
     system = System({x: v, v: -2 * sign(x) - sign(v) - 0.3 * v + y / 10, y: x + v - y})
     run = solve(system, (0, 0, 1), (0, 1.5), rtol=1e-11, atol=1e-13)
     np.testing.assert_allclose(flow_derivative(run)[:, 2], [0.0, 0.0, math.exp(-1.5)], atol=1e-10)
+
+
+def test_12_12_an_orbit_on_sliding_of_second_order_has_the_multipliers_of_what_moves_on_it() -> None:
+    """x = z = 0 is held with 2 s = cos t, so that u' = -u - cos t, u = -(cos t + sin t)/2."""
+    x, z, u = states("x z u")
+    twist = {x: -1.5 * sqrt(abs(x)) * sign(x) + z, z: -2 * sign(x) + cos(time)}
+    orbit = find_orbit(System({**twist, u: -u - 2 * sign(x)}), (0, 0, -0.3), period=2 * math.pi)
+    assert orbit.x0 == pytest.approx([0, 0, -(math.cos(orbit.t0) + math.sin(orbit.t0)) / 2], abs=1e-9)
+    assert orbit.multipliers == pytest.approx([math.exp(-2 * math.pi), 0, 0], abs=1e-9)
+    assert orbit.stable

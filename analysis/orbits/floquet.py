@@ -40,7 +40,10 @@ def return_factors(
         ends.append(len(factors))
     if gate is not None:
         factors.append(np.asarray(linalg.inv(gate), dtype=np.float64))
-    counts = [sum(v == 0 for v in factor.mode) for _, factor in places]
+    counts = [
+        len(mode_field(solution.problem.system, factor.mode, (), jacobian).parts.owners)
+        for solution, factor in places
+    ]
     most = max(counts, default=0)
     if most == 0:
         begins = [0, *ends[:-1], len(factors)]
@@ -103,8 +106,7 @@ def _tangent_basis(
     time = np.array([min(max(t, min(sol.span)), max(sol.span))])
     x = np.atleast_2d(sol(time, side="+").T)
     part = mode_field(system, mode, (), jacobian)
-    rows = [i for i, sign in enumerate(mode) if sign == 0]
-    slope = part.part("hy", time, x, part.multipliers(time, x, p), p)[0, rows, : system.dimension]
+    slope = part.part("heldy", time, x, part.multipliers(time, x, p), p)[0, :, : system.dimension]
     return np.asarray(linalg.null_space(slope), dtype=np.float64)
 
 

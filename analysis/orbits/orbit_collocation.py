@@ -150,8 +150,9 @@ def collocate(base: Shooting, arcs: Sequence[Arc], p: Array) -> Collocated:
             # Sliding keeps h as it is: that h = 0 has to be asked for.
             time, state = np.array([begin]), x0[None, :]
             s = field.multipliers(time, state, values)
-            h = field.part("h", time, state, s, values)[0, always, 0]
-            slope = field.part("hy", time, state, s, values)[0, always, :n]
+            rows = field.conditions(always)
+            h = field.part("held", time, state, s, values)[0, rows, 0]
+            slope = field.part("heldy", time, state, s, values)[0, rows, :n]
             back = linalg.pinv(slope)
             left, by_first = left + back @ h, by_first + back @ slope
         row = np.zeros((1, n)) if length is not None else speed[None, :]

@@ -134,8 +134,8 @@ def find_saddle(
         state = x[None, :]
         s = part.multipliers(time, state, p)
         f = part.velocity(time, state, s, p)[0, :n]
-        h = part.part("h", time, state, s, p)[0, on, 0]
-        normals = part.part("hy", time, state, s, p)[0, on, :n]
+        h = part.part("held", time, state, s, p)[0, :, 0]
+        normals = part.part("heldy", time, state, s, p)[0, :, :n]
         values = np.append(f, h), part.matrix(time, state, s, p)[0, :n, :n], normals
         if not all(np.all(np.isfinite(value)) for value in values):
             raise told

@@ -255,11 +255,11 @@ def onto_surfaces(system: System, x: Array, t: float, p: Array, surfaces: tuple[
     if not surfaces:
         return x
     mode = tuple(0 if i in surfaces else 1 for i in range(len(system.surfaces)))
-    part, rows = mode_field(system, mode), list(surfaces)
+    part = mode_field(system, mode)
     state, time, s = x.copy(), np.array([t]), np.array([mode], dtype=float)
     for _ in range(20):
-        h = part.part("h", time, state[None, :], s, p)[0, rows, 0]
-        slope = part.part("hy", time, state[None, :], s, p)[0, rows, : system.dimension]
+        h = part.part("held", time, state[None, :], s, p)[0, :, 0]
+        slope = part.part("heldy", time, state[None, :], s, p)[0, :, : system.dimension]
         change = linalg.lstsq(slope, h, rcond=None)[0]
         state = state - change
         if np.max(np.abs(change)) <= 4e-16 * (1.0 + np.max(np.abs(state))):
@@ -275,7 +275,7 @@ def tangent(solution: Solution, surfaces: tuple[int, ...]) -> Array:
         return np.eye(n)
     part = mode_field(system, solution.start_mode)
     t, x = np.array([solution.problem.t_span[0]]), solution.problem.x0[None, :]
-    slope = part.part("hy", t, x, part.multipliers(t, x, p), p)[0, list(surfaces), :n]
+    slope = part.part("heldy", t, x, part.multipliers(t, x, p), p)[0, part.conditions(surfaces), :n]
     return np.asarray(np.eye(n) - linalg.pinv(slope) @ slope)
 
 

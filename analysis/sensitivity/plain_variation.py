@@ -41,6 +41,7 @@ class PlainParts:
         self.system, self.mode, self.jacobian = system, mode, jacobian
         self.places = [system.parameters.index(name) for name in names]
         self.sliding = [i for i, sign in enumerate(mode) if sign == 0]
+        self.owners = tuple(self.sliding)
         assert system.field is not None
         dual = _DualParts(system)
         self._exact = {
@@ -94,6 +95,12 @@ class PlainParts:
 
     def _rs(self, at: _Point) -> Array:
         return self._by_signs("r", at)
+
+    def _held(self, at: _Point) -> Array:
+        return self._h(at)[self.sliding]
+
+    def _heldy(self, at: _Point) -> Array:
+        return self._hy(at)[self.sliding]
 
     def _k(self, at: _Point) -> Array:
         return self._r(at)[self.sliding]

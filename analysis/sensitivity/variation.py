@@ -3,8 +3,9 @@
 Derivatives are taken by y = (x, q, t): the states, requested parameters q, and time, which evolve with
 y' = (f, 0, 1). In a sliding mode the multipliers follow: s(y) solves k(y, s) = dh/dt = 0, so the matrix of
 the linearised field is A = f_y - f_s (k_s)^-1 k_y (implicit function theorem). Where no sign acts on dh/dt,
-as in sliding of higher order, k is the first derivative d^q h/dt^q on which one does. A system of plain
-functions is differentiated in `filippov.analysis.sensitivity.plain_variation`.
+as in sliding of higher order, k is the first derivative d^q h/dt^q on which one does, and those before it are
+0 as h is: together they are the conditions of the slide. A system of plain functions is differentiated in
+`filippov.analysis.sensitivity.plain_variation`.
 """
 
 from __future__ import annotations
@@ -35,20 +36,22 @@ class Parts(Protocol):
     """Field, switching functions and derivatives of one mode, on many points at once.
 
     affine   whether the rates of the sliding surfaces are known to be affine in their multipliers
+    owners   the sliding surface of each condition of the slide
     """
 
     affine: bool
+    owners: tuple[int, ...]
 
     def part(self, name: str, t: Array, x: Array, s: Array, p: Array) -> Array:
-        """One of f, fy, fs, h, hy, r, ry, rs, k, ky, ks, radius, radiusy: (points, rows, columns)."""
+        """One of f, fy, fs, h, hy, r, ry, rs, k, ky, ks, held, heldy, radius, radiusy."""
 
 
 class SymbolicParts:
     """The parts of a mode from expressions.
 
     f (n, 1), fy (n, N), fs (n, sliding); h (m, 1), hy (m, N); r = dh/dt (m, 1), ry (m, N), rs (m, sliding);
-    what the multipliers solve, k (sliding, 1), ky (sliding, N), ks (sliding, sliding); radius (m, 2),
-    radiusy (2 m, N), with N = n + number of parameters + 1.
+    what the multipliers solve, k (sliding, 1), ky (sliding, N), ks (sliding, sliding); the conditions of the
+    slide held (c, 1), heldy (c, N); radius (m, 2), radiusy (2 m, N), with N = n + number of parameters + 1.
     """
 
     def __init__(self, system: System, mode: tuple[int, ...], names: tuple[str, ...]) -> None:
@@ -62,12 +65,16 @@ class SymbolicParts:
         slope = h.jacobian(form.x) if len(h) else sympy.zeros(0, len(form.x))
         rate = h.diff(time) + slope * f if len(h) else h
         held = [i for i, sign in enumerate(mode) if sign == 0]
-        known = {i: _acted_on(rate[i], list(f), form.x, set(free)) for i in held}
+        chains = {i: _acted_on(rate[i], list(f), form.x, set(free)) for i in held}
+        known = {i: chain[-1] for i, chain in chains.items()}
+        conditions = [(i, q) for i, chain in chains.items() for q in (h[i], *chain[:-1])]
+        self.owners = tuple(i for i, _ in conditions)
         radius = sympy.Matrix([list(pair) for pair in form.radius]) if len(h) else sympy.zeros(0, 2)
         ends = _column(radius)
         matrices = {
             "f": f, "fy": _slopes(f, by), "fs": _slopes(f, free), "h": h, "hy": _slopes(h, by),
             "r": rate, "ry": _slopes(rate, by), "rs": _slopes(rate, free), "k": _column(known.values()),
+            "held": (zero := _column(q for _, q in conditions)), "heldy": _slopes(zero, by),
             "radius": radius, "radiusy": _slopes(ends, by),
         }  # fmt: skip
         for name, first, names_of in (("ky", "ry", by), ("ks", "rs", free)):
@@ -98,14 +105,14 @@ class SymbolicParts:
         return out.reshape(t.size, rows, columns)
 
 
-def _acted_on(rate: Any, field: Sequence[Any], x: Sequence[Any], free: set[Any]) -> Any:
-    """The rate, or the first of its derivatives along the field with a free sign in it; itself for none."""
-    found = rate
+def _acted_on(rate: Any, field: Sequence[Any], x: Sequence[Any], free: set[Any]) -> list[Any]:
+    """The rate and its derivatives along the field up to the first with a free sign in it; alone for none."""
+    found = [rate]
     for _ in range(len(x)):
-        if found.free_symbols & free:
+        if found[-1].free_symbols & free:
             return found
-        found = rate_along(found, field, x)
-    return found if found.free_symbols & free else rate
+        found.append(rate_along(found[-1], field, x))
+    return found if found[-1].free_symbols & free else [rate]
 
 
 def _column(items: Any) -> sympy.Matrix:
@@ -144,6 +151,10 @@ class ModeField:
     def part(self, name: str, t: Array, x: Array, s: Array, p: Array) -> Array:
         """One of the parts on all points."""
         return self.parts.part(name, t, x, s, p)
+
+    def conditions(self, surfaces: Sequence[int]) -> list[int]:
+        """The rows of "held" that belong to these sliding surfaces."""
+        return [row for row, i in enumerate(self.parts.owners) if i in surfaces]
 
     def velocity(self, t: Array, x: Array, s: Array, p: Array) -> Array:
         """y' = (f, 0, 1): (k, N)."""
