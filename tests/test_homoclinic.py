@@ -130,3 +130,31 @@ def test_12_13_what_is_no_saddle_or_does_not_return_is_told() -> None:
         find_homoclinic(System({x: v, v: x + p.mu * sign(v)}), (0.0, 0.0), free="mu", mode="+x")
     with pytest.raises(UsageError, match="side"):
         find_homoclinic(System({x: v, v: x + p.mu * v}), (0.0, 0.0), free="mu", side=2)
+
+
+@pytest.mark.parametrize(("T", "D", "up", "c"), [(0.62, 0.34, 1.16, 0.16), (0.57, 0.45, 1.35, 0.66)])
+def test_12_13_solutions_that_escape_or_shrink_into_two_folds_are_no_way_back(
+    T: float, D: float, up: float, c: float
+) -> None:
+    """u' = T u - v, v' = up - D u, a saddle in u > 0: on u = 0 its lines are at v = u0 times its eigenvalues.
+
+    Beside its orbit solutions from it escape to 1e300, or circle the folds at 0 in ever smaller cycles.
+    """
+    u = x
+    p = parameters(m=0.0)
+    side = (1 + sign(u)) / 2
+    push = side * (up - D * u) + (1 - side) * (2 * u - c)
+    system = System({u: (T * side + p.m * (1 - side)) * u - v, v: push})
+    u0, eigenvalues = up / D, np.sort(np.roots([1, -T, -D]))
+
+    def missed(m: float) -> float:
+        matrix = np.array([[m, -1, 0], [2, 0, -c], [0, 0, 0]])
+        out = np.array([0, u0 * eigenvalues[1], 1])
+        grid = np.linspace(0, 3, 200)[1:]
+        k = next(i for i, t in enumerate(grid) if (expm(matrix * t) @ out)[0] > 0)
+        t = brentq(lambda q: (expm(matrix * q) @ out)[0], grid[k - 1], grid[k], xtol=1e-15)
+        return float((expm(matrix * t) @ out)[1] - u0 * eigenvalues[0])
+
+    value = brentq(missed, -1.2, -0.7, xtol=1e-14)
+    found = find_homoclinic(system, (u0, T * u0), free="m", mode="+", parameters={"m": value + 0.01})
+    assert abs(found.value - value) < 1e-10

@@ -54,6 +54,9 @@ _CUT, _NEARER, _SMALL, _TAIL = 1e-4, (0.4, 0.1), 0.03, 16
 _LARGER, _SMALLER, _LEAST, _LONG, _LONGER, _ABSOLUTE = 2.0, 1e-2, 1e-12, 200.0, 10.0, 1e-2
 # Below this the distance of the saddle from 0 is no size: Newton's method leaves 1e-14.
 _PLACED = 1e-8
+# A solution that goes beyond this escapes: its squares are still numbers. One with so many events that did
+# not come back goes to an equilibrium through ever smaller cycles, or to a cycle.
+_ESCAPED, _EVENTS = 1e150, 2_000
 # What the exact solutions between points of the orbit may miss, in units of its size.
 _ROUNDING = 1e-12
 _MISSED, _POINTS = 1e-7, 48
@@ -151,6 +154,17 @@ def find_homoclinic(
     raise errors[0]
 
 
+def _until_escape(arcs: list[Arc]) -> list[Arc]:
+    """The arcs of a solution before it escapes."""
+    out: list[Arc] = []
+    for arc in arcs:
+        gone = np.flatnonzero(np.max(np.abs(arc.x), axis=1) > _ESCAPED)
+        if gone.size:
+            return [*out, Arc(arc.mode, arc.t[: gone[0]], arc.x[: gone[0]])] if gone[0] > 1 else out
+        out.append(arc)
+    return out
+
+
 class _Search:
     """One search, with what it shares."""
 
@@ -177,7 +191,7 @@ class _Search:
         values = dict(zip(self.system.parameters.names, p.tolist(), strict=True))
         return solve(
             self.system, x, (0.0, length), parameters=values, rtol=self.rtol, atol=self.atol,
-            zeno="continue", nonunique="stick",
+            zeno="continue", nonunique="stick", max_events=_EVENTS,
         )  # fmt: skip
 
     def returns(self, side: int, t_max: float | None) -> list[tuple[float, list[Arc]]]:
@@ -212,7 +226,7 @@ class _Search:
         while True:
             out = saddle.x + way * _CUT * size * saddle.unstable
             start = onto_surfaces(self.system, out, 0.0, self.p, on)
-            best = self._nearest(arcs_of([self.solution(self.p, start, t_max)]))
+            best = self._nearest(_until_escape(arcs_of([self.solution(self.p, start, t_max)])))
             larger = 1.0 / _SMALLER
             if best is not None:
                 extent = np.ptp(np.vstack([arc.x for arc in best[1]]), axis=0)
