@@ -9,7 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from filippov import Problem, Surface, System, TimeEvent, UsageError, cos, exp, parameters, sign, states, t
+from filippov import (
+    Max,
+    Min,
+    Problem,
+    Surface,
+    System,
+    TimeEvent,
+    UsageError,
+    cos,
+    exp,
+    parameters,
+    sign,
+    states,
+    t,
+)
 from filippov.analysis import Section, Stroboscope, brute_force, period_map
 from filippov.app import Explorer
 from filippov.app.cli.main import main
@@ -141,3 +155,17 @@ def test_what_settles_near_a_root_of_one_has_no_period_of_its_own(p: int) -> Non
     assert np.all(found.period[np.exp(-400 * math.pi * values) < 1e-8] == 1)
     longer = brute_force(system, strobe, "c", [0.01, 0.02], x0, transient=800, keep=40, rtol=1e-11)
     assert longer.period.tolist() == [1, 1]
+
+
+def test_what_escapes_has_no_part_in_the_periods_of_others() -> None:
+    """x+ = c x - 3/2 clip(x) has a cycle at +-3/2/(1 + c); from 8 it escapes where 6.5 c > 1.5 + 6.5."""
+    (x, z), p = states("x z"), parameters(c=0.2, a=1.5)
+    tick = Surface("tick", z - 1, reset={x: p.c * x - p.a * Max(-1, Min(1, x)), z: 0 * z}, side="-")
+    system = System({x: 0 * x, z: 1 + 0 * z}, surfaces=[tick], parameters=p)
+    section = Section("tick", "reset", "x", {"x": "d", "z": 0}, t_max=5)
+    got = brute_force(system, section, "c", [0.0, 0.2, 1.3], 8.0)
+    assert np.abs(got.d[:2, -1]) == pytest.approx([1.5, 1.25], abs=1e-8)
+    assert abs(got.d[2, -1]) > 1e20
+    assert got.period.tolist() == [2, 2, 0]
+    over = period_map(system, section, ("c", [0.0, 0.2, 1.3]), ("a", [1.5, 1.2]), (8.0, 0.0))
+    assert over.period.tolist() == [[2, 2, 0]] * 2

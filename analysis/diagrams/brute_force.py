@@ -138,7 +138,7 @@ def brute_force(
                     progress(done, total)
     except KeyboardInterrupt:
         complete = False
-    periods = _periods(d, rtol * _largest(d))
+    periods = _periods(d, np.array([max(abs(float(start)), _largest(row)) for row in d]), rtol)
     return _result(system, section, parameter, grid, d, periods, complete, (), parameters)
 
 
@@ -180,7 +180,7 @@ def _along_solutions(
     if follow:
         _same_phase(system, section, [{**parameters, parameter: value} for value in grid.tolist()])
     d, notes, state = np.full((grid.size, keep), np.nan), [""] * grid.size, x0
-    noise = np.zeros(grid.size)
+    reach = np.zeros(grid.size)
     complete = True
     try:
         for k, value in enumerate(grid.tolist()):
@@ -191,14 +191,14 @@ def _along_solutions(
             if found.rests:
                 d[k, len(got) :] = coordinate_of(section, system).read(found.x_end[None])[0]
             notes[k] = found.message
-            noise[k] = options["rtol"] * _reach(system, section, found, here, options["rtol"])
+            reach[k] = _reach(system, section, found, here, options["rtol"])
             if follow and (len(got) or found.rests):
                 state = found.x[-1] if len(got) else found.x_end
             if progress is not None:
                 progress(k + 1, grid.size)
     except KeyboardInterrupt:
         complete = False
-    periods = _periods(d, noise)
+    periods = _periods(d, reach, options["rtol"])
     return _result(system, section, parameter, grid, d, periods, complete, tuple(notes), parameters)
 
 
@@ -241,12 +241,13 @@ def _reach(
     return max(reach, _largest(coordinate_of(section, system).read(run.y.T)))
 
 
-def _periods(d: Array, noise: Array | float) -> npt.NDArray[np.int64]:
-    """noise: what a coordinate may be wrong by, by rows, in units of NOISE."""
+def _periods(d: Array, reach: Array, rtol: float) -> npt.NDArray[np.int64]:
+    """reach: the largest coordinate of the solution of each row, whose errors are of rtol of it."""
     known = d[np.isfinite(d)]
-    size = float(np.ptp(known)) if known.size else 0.0
-    # A coordinate that is the same at every event, as where a slide ends, differs by what the runs leave.
-    limits = np.maximum(1e-6 * size, NOISE * np.broadcast_to(noise, len(d)))
+    size = float(np.max(known)) - float(np.min(known)) if known.size else 0.0
+    # On the scale of the diagram, but a row that escapes has no part in the scale of the others. A coordinate
+    # that is the same at every event, as where a slide ends, differs by what the runs leave.
+    limits = np.maximum(1e-6 * np.minimum(size, reach), NOISE * rtol * reach)
     out = np.zeros(len(d), dtype=np.int64)
     for i, (row, same) in enumerate(zip(d, limits, strict=True)):
         for p in range(1, row.size // 2 + 1):
