@@ -226,3 +226,18 @@ def test_12_6_a_cycle_through_the_coordinate_0_is_no_set_of_rests(seed: int) -> 
     assert [(point.d, point.slope) for point in found] == [pytest.approx(pair, abs=1e-7) for pair in known]
     assert all(point.kind == "limit cycle" and point.period == 1 for point in found)
     assert [point.stable for point in found] == [abs(rate) < 1 for _, rate in known]
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.5, 0.3), (0.8, 1.0)])
+def test_a_reset_that_jumps_over_a_surface_has_a_slope(a: float, b: float) -> None:
+    """x+ = -a x - b sign x between +-b/(1 - a), where the second iterate has the slope a^2."""
+    x, z = states("x z")
+    tick = Surface("tick", z - 1, reset={x: -a * x - b * sign(x), z: 0 * z}, side="-")
+    system = System({x: 0 * x, z: 1 + 0 * z}, surfaces=[tick])
+    section = Section("tick", "reset", "x", {"x": "d", "z": 0}, t_max=5)
+    assert EventMap(system, section).derivative(0.7) == pytest.approx(-a, abs=1e-12)
+    below, above = EventMap(system, section, order=2).fixed_points(-8, 8)
+    for point, known in ((below, -b / (1 - a)), (above, b / (1 - a))):
+        assert point.d == pytest.approx(known, abs=1e-9)
+        assert point.stable
+        assert point.slope == pytest.approx(a * a, abs=1e-9)

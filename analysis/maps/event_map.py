@@ -238,7 +238,8 @@ class EventMap(Shown, Answering):
                 return np.full(out.size, np.nan)
             change = derivative_by_all(solution, True, names) @ self.bound.start_change(out[0], self.p, names)
             slope = self.bound.slope(solution.x_end)
-            change = slope @ onto_section(solution, solution.events[-1], change, names)[:n]
+            ending = self.bound.ending(solution.events)
+            change = slope @ onto_section(solution, ending, change, names)[:n]
             out[2:] = change[0] * out[2:] + change[1:]
             out[1] *= change[0]
             out[0] = self.bound.read(solution.x_end[None])[0]

@@ -77,7 +77,7 @@ def first_return(bound: BoundSection, x0: Array, parameters: Mapping[str, float]
             if event.surface in counts and section.kind.startswith(str(event.kind)):
                 counts[event.surface] += 1
         if bound.wanted(part.end_mode):
-            last = part.events[-1].surface
+            last = bound.ending(part.events).surface
             stop = section.stops[section.surfaces.index(last)].counted(counts[last])
             return whole(stop=stop)
         if left <= 0:

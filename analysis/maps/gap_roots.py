@@ -148,7 +148,8 @@ def brackets(gap: Gap, samples: Samples, *, near: float = np.inf, steps: int = 4
     found = [(which[k], d[k], d[over], values[k], values[over])]
     same = (sign[:-2] * sign[1:-1] > 0) & (sign[1:-1] * sign[2:] > 0) & joined[:-1] & joined[1:]
     inner = size[1:-1]
-    k = np.flatnonzero(same & (inner <= size[:-2]) & (inner <= size[2:]) & (inner < near * np.abs(d[1:-1])))
+    close = inner < near * np.abs(d[1:-1]) if np.isfinite(near) else np.isfinite(inner)
+    k = np.flatnonzero(same & (inner <= size[:-2]) & (inner <= size[2:]) & close)
     if k.size:
         side, most, rows = sign[k], np.maximum(size[k], size[k + 2]), which[k]
 

@@ -17,7 +17,7 @@ from filippov.base.keywords import constructor
 from filippov.base.names import unknown
 from filippov.base.status import no_kind
 from filippov.model.expression import parse_expression
-from filippov.solving.state.events import STOP_KINDS, Stop, turned
+from filippov.solving.state.events import STOP_KINDS, Event, Stop, turned
 
 # A Dummy: a parameter of the system may be called d as well.
 D = sympy.Dummy("d", real=True)
@@ -160,6 +160,11 @@ class BoundSection:
         """Whether the mode after an event makes it a return."""
         signs = {"+": 1, "0": 0, "-": -1}
         return all(a == "*" or signs[a] == m for a, m in zip(self.section.after, mode, strict=False))
+
+    def ending(self, events: Sequence[Event]) -> Event:
+        """The section's event at which a run ended: what a reset jumps over stands behind it."""
+        kind = self.section.kind
+        return next(e for e in reversed(events) if e.index in self.surfaces and kind.startswith(str(e.kind)))
 
     def read(self, x: Array) -> Array:
         """The coordinate of states (k, n): (k,)."""
