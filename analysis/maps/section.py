@@ -164,7 +164,8 @@ class BoundSection:
     def ending(self, events: Sequence[Event]) -> Event:
         """The section's event at which a run ended: what a reset jumps over stands behind it."""
         kind = self.section.kind
-        return next(e for e in reversed(events) if e.index in self.surfaces and kind.startswith(str(e.kind)))
+        own = (e for e in reversed(events) if e.index in self.surfaces and kind.startswith(str(e.kind)))
+        return next(own, events[-1])
 
     def read(self, x: Array) -> Array:
         """The coordinate of states (k, n): (k,)."""
