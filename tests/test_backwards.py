@@ -139,3 +139,11 @@ def test_F8_random_slides_that_were_left() -> None:
         assert back.ambiguity is not None
         assert back.ambiguity.name == "visible tangency"
         assert len(back.candidates) == 3
+
+
+def test_b18_a_run_that_ends_where_it_began_has_that_time_alone() -> None:
+    for span, times in (((1, 0), [1, 0.5, 0]), ((0, -2), [0, -1]), ((1, 0), [0.5])):
+        run = solve(SLIDE, (0, 0.5), span, backward=True, t_eval=times)
+        assert run.status is Status.NON_UNIQUE
+        assert run.t.tolist() == [span[0]]
+        np.testing.assert_array_equal(run.y, [[0], [0.5]])

@@ -124,8 +124,9 @@ class Course:
     def _sampled(self, solution: Solution, sol: Interpolant) -> tuple[Array, Array]:
         """The dense output at the times wanted, else at the ends of the steps."""
         end, jumps, n = self.t, solution.jumps, len(self.x)
+        direction = -1.0 if self.problem.backward else 1.0  # of no length, sol has none of its own
         if self.t_eval is not None:
-            reached = self.t_eval[(self.t_eval - end) * sol.direction <= 0]
+            reached = self.t_eval[(self.t_eval - end) * direction <= 0]
             if end != self.problem.t_span[1] and (not len(reached) or reached[-1] != end):
                 # A run that ends early ends at a point of its own.
                 reached = np.append(reached, end)
@@ -135,7 +136,7 @@ class Course:
         times = np.append(sol.start[last], end)
         states = np.vstack((sol.coef[last, 0], self.x)).T.copy()
         if jumps.size:
-            at = np.searchsorted(times * sol.direction, jumps * sol.direction)
+            at = np.searchsorted(times * direction, jumps * direction)
             first = {e.t: e.x for e in reversed(solution.events) if e.x_after is not None}
             before = np.array([first[t] for t in jumps.tolist()]).T
             times, states = np.insert(times, at, jumps), np.insert(states, at, before, axis=1)
