@@ -10,13 +10,17 @@ import json
 import math
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
-from filippov.base.errors import UsageError
+from filippov.base.errors import ModelError, UsageError
 
 # A pipe is opened without waiting for its other end; Windows has neither flag's trouble.
 _READ = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+
+_WRITE_AGAIN = "Write it again with what made it."
 
 
 def read_bytes(path: str | Path, most: int) -> bytes:
@@ -72,6 +76,21 @@ def json_data(text: str | bytes) -> Any:
         return json.loads(text, object_pairs_hook=_once, parse_constant=_no_constant, parse_float=_finite)
     except RecursionError:
         raise ValueError("it is nested too deep") from None
+
+
+@contextmanager
+def content_of(path: str | Path) -> Iterator[None]:
+    """Whatever is wrong with what a file holds is a UsageError that names the file."""
+    name = repr(str(path))
+    try:
+        yield
+    except (ModelError, UsageError) as error:
+        if str(error).startswith(name):
+            raise
+        raise UsageError(f"{name} is damaged or was altered: {error} {_WRITE_AGAIN}") from None
+    except (KeyError, TypeError, IndexError, AttributeError, ValueError, OverflowError) as error:
+        why = f"{type(error).__name__}: {error}"
+        raise UsageError(f"{name} is incomplete or damaged ({why}). {_WRITE_AGAIN}") from None
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -2,13 +2,14 @@
 
 The entry `header` holds JSON text as bytes: format and its version, version of the package that wrote it,
 digest and description of the system (see `filippov.io.stored_system`), parameter values, options, status,
-message and counts. The other entries are arrays of float64 and int64: t, y, x0, t_span, x_end,
-end_multipliers; event_* with a row per event; and with dense output sol_start, sol_step, sol_coef, sol_span.
-A system of plain functions is not stored, only its names.
+message and counts, and the sha256 of all this and of the arrays. The other entries are arrays of float64 and
+int64: t, y, x0, t_span, x_end, end_multipliers; event_* with a row per event; and with dense output
+sol_start, sol_step, sol_coef, sol_span. A system of plain functions is not stored, only its names.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from dataclasses import asdict, fields, replace
@@ -18,10 +19,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.base.errors import ModelError, UsageError
+from filippov.base.errors import UsageError
 from filippov.base.given import Count
 from filippov.base.keywords import keywords
-from filippov.base.read_whole import json_data
+from filippov.base.read_whole import content_of, json_data
 from filippov.base.status import EventKind, Status
 from filippov.base.version import package_version
 from filippov.io.archive import Archive, refuse_other_ending, write_arrays
@@ -63,9 +64,7 @@ def save(solution: Solution, path: str | Path) -> Path:
     if solution.options.save_events == "count":
         raise UsageError("the events were only counted; solve with save_events='all' to save them.")
     refuse_other_ending(path, "solution")
-    header = json.dumps(solution_header(solution), allow_nan=False).encode()
-    arrays = {"header": np.frombuffer(header, dtype=np.uint8)} | solution_arrays(solution)
-    return write_arrays(path, arrays)
+    return write_sealed(path, solution_header(solution), solution_arrays(solution))
 
 
 @keywords()
@@ -80,6 +79,7 @@ def load(path: str | Path, system: System | None = None, *, max_bytes: Count = M
     Nothing in a file is run or unpickled. Raises UsageError for a file that is damaged, of another format
     version or not written by `save`, and for a system that does not fit; FileNotFoundError.
     """
+    check_system(system)
     with Archive(path, max_bytes) as archive:
         header = read_header(archive, FORMAT, VERSION)
         dense = header.get("dense") is True
@@ -88,12 +88,33 @@ def load(path: str | Path, system: System | None = None, *, max_bytes: Count = M
             different = ", ".join(sorted(archive.names ^ wanted))
             raise archive.refuse(f"does not hold the entries of format version {VERSION}: {different} differ")
         data = {name: archive.read(name) for name in wanted if name != "header"}
-        try:
+        check_seal(header, data, archive)
+        with content_of(archive.path):
             return solution_of(header, data, stored_system_of(header, system, archive))
-        except (KeyError, TypeError, IndexError, AttributeError, ValueError) as error:
-            if isinstance(error, (UsageError, ModelError)):
-                raise
-            raise archive.refuse(f"is incomplete or damaged ({type(error).__name__}: {error})") from None
+
+
+def write_sealed(path: str | Path, header: dict[str, Any], arrays: dict[str, Array]) -> Path:
+    """Write a header and arrays with the sha256 of both."""
+    text = json.dumps(header | {"sha256": _digest(header, arrays)}, allow_nan=False)
+    return write_arrays(path, {"header": np.frombuffer(text.encode(), dtype=np.uint8)} | arrays)
+
+
+def check_seal(header: dict[str, Any], arrays: dict[str, Array], archive: Archive) -> None:
+    """Refuse a file that was altered. Those written earlier have no sha256, and a name like it was one."""
+    told = header.pop("sha256", None)
+    if (told is not None and told != _digest(header, arrays)) or any(k.startswith("sha") for k in header):
+        raise archive.refuse(
+            "was altered since it was written: its content has another sha256 than the one it notes. Write "
+            "it again with what made it"
+        )
+
+
+def _digest(header: dict[str, Any], arrays: dict[str, Array]) -> str:
+    total = hashlib.sha256(json.dumps(header, sort_keys=True, separators=(",", ":")).encode())
+    for name, array in sorted(arrays.items()):
+        total.update(f"{name} {array.shape}".encode())
+        total.update(np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<")).tobytes())
+    return total.hexdigest()
 
 
 # -- writing ---------------------------------------------------------------------------------------------
@@ -193,15 +214,16 @@ def ambiguity_of(data: dict[str, Any]) -> Ambiguity:
     candidates = tuple(
         Successor(
             _mode(row["mode"]),
-            _mode(row["order"]),
+            _numbers(row["order"]),
             tuple(map(float, row["multipliers"])),
             tuple(map(float, row["field"])),
             math.inf if row["margin"] is None else float(row["margin"]),
+            **{name: _numbers(row.get(name, ())) for name in ("undetermined", "faint", "along")},
         )
         for row in data["candidates"]
     )
     # Files written earlier call them "hit".
-    before, triggered = _mode(data["before"]), _mode(data.get("triggered", data.get("hit")))
+    before, triggered = _mode(data["before"]), _numbers(data.get("triggered", data.get("hit")))
     return Ambiguity(float(data["t"]), str(data["name"]), candidates, before, triggered, bool(data["start"]))
 
 
@@ -227,6 +249,12 @@ def read_header(archive: Archive, kind: str, version: int) -> dict[str, Any]:
     return header
 
 
+def check_system(given: object) -> None:
+    """Raise UsageError for what is no system."""
+    if given is not None and not isinstance(given, System):
+        raise UsageError(f"system is {type(given).__name__}, expected a System.")
+
+
 def stored_system_of(header: dict[str, Any], given: System | None, archive: Archive) -> System:
     """The system of a file: the one given, if it is the same, else rebuilt from the header."""
     if given is None:
@@ -238,8 +266,6 @@ def stored_system_of(header: dict[str, Any], given: System | None, archive: Arch
         from filippov.io.stored_system import system_of
 
         given = system_of(header["system"])
-    elif not isinstance(given, System):
-        raise UsageError(f"system is {type(given).__name__}, expected a System.")
     if given.digest != header["digest"]:
         raise archive.refuse(
             f"holds a solution of another system: its digest is {_short(header['digest'])}, the given "
@@ -276,7 +302,10 @@ def _events(header: dict[str, Any], data: dict[str, Array], system: System) -> E
     notes = {int(i): str(text) for i, text in header["notes"]}
     rows = {int(i): x for i, x in zip(data["event_jumps"], data["event_x_after"], strict=True)}
     names = [*system.surface_names, *(q.name for q in system.time_events)]
-    names += header["user_events"]
+    names += map(str, header["user_events"])
+    _check_range("event_numbers[:, 0]", data["event_numbers"][:, 0], 0, len(names) - 1)
+    _check_range("event_numbers[:, 1]", data["event_numbers"][:, 1], 0, len(_KINDS) - 1)
+    _check_range("event_jumps", data["event_jumps"], 0, len(data["event_t"]) - 1)
     items = []
     for i, t in enumerate(data["event_t"].tolist()):
         index, kind, group, sense = data["event_numbers"][i].tolist()
@@ -296,7 +325,19 @@ def _events(header: dict[str, Any], data: dict[str, Array], system: System) -> E
 
 
 def _mode(row: Any) -> Mode:
+    mode = _numbers(row)
+    if any(v not in (-1, 0, 1) for v in mode):
+        raise ValueError(f"a mode is {list(mode)[:9]}, expected -1, 0 or 1 for each surface")
+    return mode
+
+
+def _numbers(row: Any) -> tuple[int, ...]:
     return tuple(int(v) for v in row)
+
+
+def _check_range(name: str, numbers: Array, low: int, high: int) -> None:
+    if numbers.size and not low <= int(numbers.min()) <= int(numbers.max()) <= high:
+        raise ValueError(f"{name} has numbers outside {low} ... {high}")
 
 
 def solution_of(header: dict[str, Any], data: dict[str, Array], system: System) -> Solution:
@@ -310,14 +351,24 @@ def solution_of(header: dict[str, Any], data: dict[str, Array], system: System) 
         "event_after": (k, m), "event_values": (k, 2), "event_x_after": (len(data["event_jumps"]), n),
     }  # fmt: skip
     if dense:
-        shapes |= {"sol_step": (steps,), "sol_span": (2,), "sol_coef": (steps, data["sol_coef"].shape[1], n)}
+        shapes |= {"sol_start": (steps,), "sol_step": (steps,), "sol_span": (2,)}
+        shapes["sol_coef"] = (steps, data["sol_coef"].shape[1], n)
     for name, shape in shapes.items():
         if data[name].shape != shape:
             raise ValueError(f"{name} has shape {data[name].shape}, expected {shape}")
     span = tuple(data["t_span"].tolist())
+    start_mode, end_mode = _mode(header["start_mode"]), _mode(header["end_mode"])
+    if not len(start_mode) == len(end_mode) == m:
+        raise ValueError(f"start_mode or end_mode has no sign for each of {m} surfaces")
+    t_end = float(header["t_end"])
+    if not min(span) <= t_end <= max(span):
+        raise ValueError(f"t_end is {t_end}, not a time of t_span")
     sol = None
     if dense:
         low, high = data["sol_span"].tolist()
+        forwards = np.diff(data["sol_start"]) * (1.0 if high >= low else -1.0) >= 0
+        if not (forwards.all() and np.isfinite(data["sol_step"]).all() and data["sol_step"].all()):
+            raise ValueError("sol_start and sol_step are not those of steps one after the other")
         sol = Interpolant(data["sol_start"], data["sol_step"], data["sol_coef"], (low, high))
     stored = header.get("ambiguity")
     counts = {name: int(header.get(name, 0)) for name in ("njev", "nlu")}
@@ -327,8 +378,8 @@ def solution_of(header: dict[str, Any], data: dict[str, Array], system: System) 
         options=_options(header["options"]), status=Status(header["status"]), message=str(header["message"]),
         t=data["t"], y=data["y"], sol=sol, events=_events(header, data, system),
         user_events=tuple(str(name) for name in header["user_events"]),
-        start_mode=_mode(header["start_mode"]), end_mode=_mode(header["end_mode"]),
-        t_end=float(header["t_end"]), x_end=data["x_end"], end_multipliers=data["end_multipliers"],
+        start_mode=start_mode, end_mode=end_mode, t_end=t_end, x_end=data["x_end"],
+        end_multipliers=data["end_multipliers"],
         ambiguity=None if stored is None else ambiguity_of(stored),
         accumulations=tuple(
             Accumulation(**{**row, "x": np.array(row["x"], dtype=float), "surfaces": tuple(row["surfaces"])})

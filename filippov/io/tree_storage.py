@@ -6,7 +6,6 @@ branches are concatenated in `floats` and `integers`, with their names and shape
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -14,20 +13,24 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.base.errors import ModelError, UsageError
+from filippov.base.errors import UsageError
 from filippov.base.given import Count
 from filippov.base.keywords import keywords
+from filippov.base.read_whole import content_of
 from filippov.base.status import Status
-from filippov.io.archive import Archive, refuse_other_ending, write_arrays
+from filippov.io.archive import Archive, refuse_other_ending
 from filippov.io.storage import (
     MAX_BYTES,
     ambiguity_data,
     ambiguity_of,
+    check_seal,
+    check_system,
     read_header,
     solution_arrays,
     solution_header,
     solution_of,
     stored_system_of,
+    write_sealed,
 )
 from filippov.model.system import System
 from filippov.solving.solution_tree import SolutionTree, TreeBranch
@@ -71,10 +74,8 @@ def save_tree(tree: SolutionTree, path: str | Path) -> Path:
         "message": tree.message,
         "branches": rows,
     }
-    text = json.dumps(header, allow_nan=False).encode()
-    out = {"header": np.frombuffer(text, dtype=np.uint8)}
-    out |= {"floats": np.concatenate(parts["f"]), "integers": np.concatenate(parts["i"])}
-    return write_arrays(path, out)
+    arrays = {"floats": np.concatenate(parts["f"]), "integers": np.concatenate(parts["i"])}
+    return write_sealed(path, header, arrays)
 
 
 def _number(branch: TreeBranch) -> int | None:
@@ -89,17 +90,16 @@ def load_tree(
     path: str | Path, system: System | None = None, *, max_bytes: Count = MAX_BYTES
 ) -> SolutionTree:
     """Read a tree written by `save_tree`; system and max_bytes as for `filippov.io.storage.load`."""
+    check_system(system)
     with Archive(path, max_bytes) as archive:
         header = read_header(archive, FORMAT, VERSION)
         if archive.names != {"header", "floats", "integers"}:
             raise archive.refuse(f"does not hold the entries of format version {VERSION}")
-        data = {"f": archive.read("floats"), "i": archive.read("integers")}
-        try:
+        arrays = {name: archive.read(name) for name in ("floats", "integers")}
+        check_seal(header, arrays, archive)
+        data = {"f": arrays["floats"], "i": arrays["integers"]}
+        with content_of(archive.path):
             return _tree(header, data, stored_system_of(header, system, archive))
-        except (KeyError, TypeError, IndexError, AttributeError, ValueError) as error:
-            if isinstance(error, (UsageError, ModelError)):
-                raise
-            raise archive.refuse(f"is incomplete or damaged ({type(error).__name__}: {error})") from None
 
 
 def _tree(header: dict[str, Any], data: dict[str, Array], system: System) -> SolutionTree:
