@@ -72,3 +72,31 @@ def test_an_orbit_with_a_tolerance_for_each_state_is_read_again(tmp_path: Path) 
     x, v = states("x v")
     orbit = find_orbit(System({x: v, v: (1 - x**2) * v - x}), (2.0, 0.0), atol=[1e-12, 1e-13])
     assert Orbit.load(orbit.save(tmp_path / "orbit.json")).atol == (1e-12, 1e-13)
+
+
+WRONG: list[tuple[str, tuple[Any, ...], Any]] = [
+    ("orbit", ("system", "field", 1), ["float", [0, "1", 0, 1.5], 53]),
+    ("orbit", ("system", "states"), "nan"), ("orbit", ("system", "surfaces", 0, "kind"), ""),
+    ("orbit", ("orbit",), 1),
+    ("orbit", ("orbit", "x0"), {"number": []}), ("orbit", ("orbit", "margin"), None),
+    ("branch", ("points", 1, "value"), "x"), ("branch", ("points", 1, "value"), None),
+    ("branch", ("points", 1, "coordinates"), {}), ("branch", ("points", 1, "coefficients"), None),
+    ("branch", ("points", 0, "u"), ["x"]), ("branch", ("points", 0, "verdict"), 3),
+    ("branch", ("points",), 7), ("branch", ("parameters",), {"mu": "0.3"}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("what", "place", "value"), WRONG)
+def test_16_g_what_is_wrong_in_a_file_is_said_with_its_name(
+    what: str, place: tuple[Any, ...], value: Any, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    path = request.getfixturevalue(what).save(tmp_path / "made.json")
+    data = json.loads(path.read_text())
+    del data["sha256"]
+    inner = data
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = value
+    path.write_text(json.dumps(data))
+    with pytest.raises(UsageError, match=r"made\.json"):
+        READ[what](path)

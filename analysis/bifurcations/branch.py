@@ -16,8 +16,10 @@ from filippov.analysis.algebra.growth import Growth, by_eigenvalues, by_multipli
 from filippov.analysis.orbits.orbit_file import read_json, write_json
 from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
+from filippov.base.given import as_float, shown, text
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering, unknown
+from filippov.base.read_whole import content_of
 from filippov.base.shown import Shown
 from filippov.base.status import mode_text
 
@@ -103,6 +105,10 @@ class BranchPoint(Shown, Answering):
         note = f" ({self.note})" if self.note else ""
         says = f"; {self.predicts}" if self.predicts else ""
         return f"{kind}value {self.value:.12g}, {where}, {self.verdict}{note}{says}"
+
+
+_FLOATS = ("value", "period", "residual", "phase")
+_WORDS = ("verdict", "word", "special", "note", "predicts", "surface", "test")
 
 
 @dataclass
@@ -191,15 +197,17 @@ class Branch(Shown, Answering):
     def load(cls, path: str | Path) -> Branch:
         """Read what `save` wrote. Raises UsageError for any other content; FileNotFoundError."""
         data = read_json(path, FORMAT, VERSION)
-        try:
+        with content_of(path):
             points = [_in(row) for row in data["points"]]
-            others = {str(k): float(v) for k, v in data["parameters"].items()}
+            for k, point in enumerate(points):
+                lost = points[0].coordinates.keys() - point.coordinates.keys()
+                if lost or not point.coordinates:
+                    raise ValueError(f"point {k} has no coordinate {', '.join(sorted(lost))}".rstrip())
+            others = {str(k): _float(f"parameter {k!r}", v) for k, v in data["parameters"].items()}
             return cls(
                 str(data["parameter"]), str(data["kind"]), others, points, str(data["message"]),
                 dict(data["state"]), {str(k): str(v) for k, v in data.get("labels", {}).items()},
             )  # fmt: skip
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise UsageError(f"{str(path)!r} holds no branch ({type(error).__name__}: {error}).") from None
 
     def __repr__(self) -> str:
         span = f"{self.values.min():.6g} ... {self.values.max():.6g}" if self.points else "empty"
@@ -225,14 +233,25 @@ def _out(point: BranchPoint) -> dict[str, Any]:
 def _in(row: Mapping[str, Any]) -> BranchPoint:
     data = dict(row)
     data["multipliers"] = tuple(complex(*pair) for pair in data["multipliers"])
+    data |= {name: _float(name, v) for name, v in data.items() if name in _FLOATS}
+    for name in ("coordinates", "tests", "coefficients"):
+        data[name] = {str(k): _float(f"{name}: {k}", v) for k, v in dict(data.get(name, {})).items()}
+    data |= {name: tuple(_float(name, v) for v in data[name]) for name in ("u", "tangent")}
+    data |= {name: text(name, v) for name, v in data.items() if name in _WORDS}
     # Files written earlier have no third verdict.
     before = "stable" if data.pop("stable", False) else "unstable"
     data.setdefault("verdict", before)
     if "surface" not in data:
         data |= _from_note(str(data["special"]), str(data["note"]))
-    for name in ("u", "modes", "tangent", "onto"):
-        data[name] = tuple(data[name])
+    data |= {name: tuple(text(name, v) for v in data[name]) for name in ("modes", "onto")}
     return BranchPoint(**data)
+
+
+def _float(name: str, value: object) -> float:
+    found = as_float(value)
+    if found is None:
+        raise ValueError(f"{name} is {shown(value)}, expected a number")
+    return found
 
 
 def _from_note(special: str, note: str) -> dict[str, Any]:

@@ -109,8 +109,11 @@ class Attractor(Told):
         try:
             orbit = None if data["orbit"] is None else Orbit.from_dict(data["orbit"], system)
             values = np.array([complex(*pair) for pair in data["multipliers"]], dtype=complex)
+            points = np.array(data["states"], dtype=float)
+            if points.ndim != 2 or not len(points) or points.shape[1] != system.dimension:
+                raise ValueError(f"states have shape {points.shape}, expected (k, {system.dimension})")
             return cls(
-                data["kind"], np.array(data["states"], dtype=float), data["period"], data["duration"], values,
+                data["kind"], points, data["period"], data["duration"], values,
                 (float(data["exponent"][0]), float(data["exponent"][1])), np.array(data["low"], dtype=float),
                 np.array(data["high"], dtype=float), orbit, str(data["note"]),
             )  # fmt: skip

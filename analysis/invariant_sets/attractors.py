@@ -37,6 +37,7 @@ from filippov.base.arrays import Array
 from filippov.base.given import Count, Natural, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
+from filippov.base.read_whole import content_of
 from filippov.base.shown import Told
 from filippov.io.stored_system import system_data
 
@@ -153,9 +154,8 @@ class Attractors(Told):
     def load(cls, path: str | Path, system: System | None = None) -> Attractors:
         """Read what `save` wrote; a system of plain functions has to be given. Raises UsageError."""
         data = read_json(path, FORMAT, VERSION)
-        made = stored_system(data, system, path)
-        try:
-            d = data["attractors"]
+        with content_of(path):
+            made, d = stored_system(data, system, path), data["attractors"]
             return cls(
                 made, dict(d["parameters"]), tuple(Attractor.from_dict(q, made) for q in d["attractors"]),
                 tuple(Attractor.from_dict(q, made) for q in d["unstable"]),
@@ -166,8 +166,6 @@ class Attractors(Told):
                 np.array(d["picture"], dtype=np.int64), dict(d["at"]), str(d["kind"]), float(d["duration"]),
                 int(d["iterates"]), dict(d["failures"]), bool(d["complete"]),
             )  # fmt: skip
-        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-            raise UsageError(f"{str(path)!r} is damaged ({type(error).__name__}: {error}).") from None
 
 
 @keywords()

@@ -18,8 +18,10 @@ from filippov.analysis.orbits.oddness import is_odd
 from filippov.analysis.orbits.shooting import NoConvergenceError, Shooting
 from filippov.analysis.orbits.time_limit import check_time, time_left
 from filippov.base.arrays import Array, Complex
+from filippov.base.given import number
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
+from filippov.base.read_whole import content_of
 from filippov.base.shown import Told
 from filippov.base.status import EventKind, Status, mode_text
 from filippov.graphs.word import word_of
@@ -156,7 +158,7 @@ class Orbit(Told, Answering):
         """The orbit that `to_dict` described. Raises UsageError for data that do not describe one."""
         try:
             keep: dict[str, Any] = {k: data[k] for k in ("word", "symmetric", "forced", "method")}
-            keep |= {k: float(data[k]) for k in ("t0", "period", "residual", "rtol")}
+            keep |= {k: number(data[k], k, k == "residual") for k in ("t0", "period", "residual", "rtol")}
             atol = data["atol"]
             keep["atol"] = tuple(map(float, atol)) if isinstance(atol, list | tuple) else float(atol)
             if not 0 < keep["period"] < np.inf:
@@ -190,7 +192,8 @@ class Orbit(Told, Answering):
         from filippov.analysis.orbits.orbit_file import read_json
 
         data = read_json(path, FORMAT, VERSION)
-        return cls.from_dict(data["orbit"], stored_system(data, system, path))
+        with content_of(path):
+            return cls.from_dict(data["orbit"], stored_system(data, system, path))
 
 
 def stored_system(data: Mapping[str, Any], system: System | None, path: Any) -> System:

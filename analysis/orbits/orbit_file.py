@@ -74,8 +74,8 @@ def finite(data: Any) -> Any:
 def number(data: Any) -> Any:
     """What `finite` made, with its numbers again."""
     if isinstance(data, dict):
-        if set(data) == {"number"} and data["number"] in _WORDS:
-            return _WORDS[data["number"]]
+        if set(data) == {"number"} and str(data["number"]) in _WORDS:
+            return _WORDS[str(data["number"])]
         return {k: number(v) for k, v in data.items()}
     if isinstance(data, list):
         return [number(v) for v in data]

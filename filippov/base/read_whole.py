@@ -20,6 +20,10 @@ from filippov.base.errors import ModelError, UsageError
 # A pipe is opened without waiting for its other end; Windows has neither flag's trouble.
 _READ = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
+# What readers raise who take for granted what a file should hold.
+_WRONG = (
+    KeyError, TypeError, IndexError, AttributeError, ValueError, OverflowError, SyntaxError, RecursionError,
+)  # fmt: skip
 _WRITE_AGAIN = "Write it again with what made it."
 
 
@@ -85,10 +89,10 @@ def content_of(path: str | Path) -> Iterator[None]:
     try:
         yield
     except (ModelError, UsageError) as error:
-        if str(error).startswith(name):
+        if name in str(error):
             raise
         raise UsageError(f"{name} is damaged or was altered: {error} {_WRITE_AGAIN}") from None
-    except (KeyError, TypeError, IndexError, AttributeError, ValueError, OverflowError) as error:
+    except _WRONG as error:
         why = f"{type(error).__name__}: {error}"
         raise UsageError(f"{name} is incomplete or damaged ({why}). {_WRITE_AGAIN}") from None
 

@@ -129,6 +129,8 @@ class Reader:
             return sympy.Integer(*numbers) if head == "int" else sympy.Rational(*numbers)
         if head == "float":
             (sign, mantissa, exponent, bits), precision = rest
+            if any(type(part) is not int for part in (sign, exponent, bits, precision)):
+                raise ValueError
             if sign not in (0, 1) or not 1 <= precision <= 4000 or abs(exponent) > 100_000 or bits > 4000:
                 raise ValueError
             return sympy.Float((sign, _whole(mantissa), exponent, bits), precision=precision)

@@ -13,6 +13,7 @@ from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import loaded_of
 from filippov.app.cli.solved import EVENT_COLUMNS, event_data, event_row, exit_code, solved
+from filippov.base.given import number
 from filippov.base.read_whole import read_json
 from filippov.base.status import Status, mode_text
 from filippov.solving.reading import expression_of
@@ -82,7 +83,7 @@ def tuned_values(path: str) -> dict[str, float]:
     try:
         data = read_json(path, LARGEST)
         best, reason = data["best"], str(data["reason"])
-        values = {str(k): float(v) for k, v in {**data["parameters"], **(best or {})}.items()}
+        values = {str(k): number(v, str(k)) for k, v in {**data["parameters"], **(best or {})}.items()}
     except (OSError, RecursionError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(
             f"{path} is no tuning.json of `filippov tune` ({type(error).__name__}: {error})."
