@@ -181,6 +181,7 @@ def test_exit_codes_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     bank.write_text(json.dumps({"cases": [RELAY, wrong]}), encoding="utf-8")
     assert main(["bank", "run", str(bank), "--json", str(out), "--quiet"]) == 3
     assert [row["passed"] for row in json.loads(out.read_text(encoding="utf-8"))] == [True, False]
+    assert capsys.readouterr().err == "filippov: 1 of 2 cases did not pass: wrong\n"
     assert main(["bank", "run", str(bank), "--only", "relay", "--json"]) == 0
     captured = capsys.readouterr()
     assert [row["id"] for row in json.loads(captured.out)] == ["relay"]

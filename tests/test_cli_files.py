@@ -53,6 +53,19 @@ def test_a_run_that_ends_early_fails_with_its_cause_and_keeps_what_there_is(
     assert 0 < strict((tmp_path / "summary.json").read_text(encoding="utf-8"))["t_end"] < 20
 
 
+def test_a_quiet_command_says_why_it_did_not_succeed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["ensemble", "hunting", "--over", "P=10:20:2", "--max-steps", "30", "--quiet"]
+    assert main(words) == 3
+    assert capsys.readouterr().err == "filippov: trajectory 0: max_steps\nfilippov: trajectory 1: max_steps\n"
+    points = [0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]  # 1 + exp(-v)/2: nothing of it is viscous
+    curve = tmp_path / "curve.csv"
+    curve.write_text("v,friction\n" + "".join(f"{v},{1 + 0.5 * np.exp(-v)}\n" for v in points))
+    assert main(["identify", str(curve), "--quiet"]) == 3
+    assert "filippov: not converged: the data do not determine b" in capsys.readouterr().err
+
+
 def test_the_output_is_tried_before_the_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "file"
     file.touch()

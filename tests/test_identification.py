@@ -123,6 +123,15 @@ def test_samples_without_a_value_or_out_of_order_are_refused(made: Callable[[Any
         made(np.arange(20.0))
 
 
+@pytest.mark.parametrize("level", [0, 1, -0.5, 95, float("nan"), "0.95", True, None])
+def test_a_level_is_a_number_between_0_and_1(level: Any) -> None:
+    v = np.linspace(0.1, 3, 12)
+    with pytest.raises(UsageError, match=r"level is .*, expected a"):
+        identify_curve(Curve(v, 1 + np.exp(-v)), driven_mass(), ["Fs", "Fc", "vs"], level=level)
+    with pytest.raises(UsageError, match=r"level is .*, expected a"):
+        identify(Record(v, v, v), driven_mass(), ["Fc"], level=level)
+
+
 @pytest.mark.parametrize(
     ("speeds", "free", "lost"),
     [

@@ -387,6 +387,12 @@ def test_d18_a_point_that_runs_for_ever_is_ended_and_the_others_go_on(tmp_path: 
     assert "did not come back within max_time" in table.message[2]
 
 
+def test_d18_a_limit_longer_than_a_thread_can_wait_is_none(tmp_path: Path) -> None:
+    harm = write_case(tmp_path)
+    for measure in ("plain", "slow"):
+        check(sweep_of(harm, measure, 3).run(jobs=1, max_time=1e30))
+
+
 def test_d18_a_batch_with_a_point_that_runs_for_ever_is_taken_apart() -> None:
     # x'' = -w^2 x turns 1e9 times in the third row.
     x, v = states("x v")

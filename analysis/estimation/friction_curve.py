@@ -23,6 +23,7 @@ from filippov.analysis.estimation.identification import (
 from filippov.analysis.estimation.record import Curve
 from filippov.base.arrays import Array
 from filippov.base.given import Values
+from filippov.base.given import level as check_level
 from filippov.base.keywords import keywords
 
 # Of the size of the force: what stands for a misfit that is no number.
@@ -74,7 +75,7 @@ def identify_curve(
     Other arguments as in `identify`. The minimisation starts from several places, because vs and the
     exponent of a steep curve have local minima. Raises UsageError.
     """
-    names = check_names(system, free, start, fixed, "zero")
+    names, level = check_names(system, free, start, fixed, "zero"), check_level(level)
     moving = curve.v != 0
     v, friction = curve.v[moving], curve.friction[moving]
     if v.size <= len(names) + 1:

@@ -32,6 +32,7 @@ from filippov.analysis.estimation.residual_noise import degrees_of_freedom, gene
 from filippov.base.arrays import Array
 from filippov.base.escape import figure_text
 from filippov.base.given import Count, Positive, Values
+from filippov.base.given import level as check_level
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Told
@@ -130,8 +131,7 @@ def identify(
     Raises UsageError for unknown names and too few samples.
     """
     names = check_names(system, free, start, fixed, hold)
-    if not 0 < level < 1:
-        raise UsageError(f"level is {level}, expected a number between 0 and 1, such as 0.95.")
+    level = check_level(level)
     count = len(record.t)
     number = max(1, round(count / 200)) if windows is None else windows
     if number < 1 or count < 4 * number or count - 2 * number <= len(names) + 1:

@@ -94,6 +94,14 @@ def not_negative(name: str, value: object, error: type[Exception] = UsageError) 
     return found
 
 
+def level(value: object, error: type[Exception] = UsageError) -> float:
+    """A level of confidence, between 0 and 1; raises `error`."""
+    found = as_float(value)
+    if found is None or not 0 < found < 1:
+        raise error(f"level is {shown(value)}, expected a number between 0 and 1, such as 0.95.")
+    return found
+
+
 def whole(
     name: str, value: object, least: int | None = None, error: type[Exception] = UsageError,
     most: int = LARGEST,

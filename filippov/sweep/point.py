@@ -136,8 +136,9 @@ def compute_one(plan: Plan, index: Whole, limits: Limits) -> Rows:
 def _row(plan: Plan, point: int, limits: Limits) -> Rows:
     columns, index = len(plan.columns), np.array([point])
     watch = None
-    if limits.max_time is not None and limits.late is not None:
-        watch = threading.Timer(LEAVE * limits.max_time + _OWN_LIMIT, limits.late, (point,))
+    longest = np.inf if limits.max_time is None else LEAVE * limits.max_time + _OWN_LIMIT
+    if limits.late is not None and longest <= threading.TIMEOUT_MAX:
+        watch = threading.Timer(longest, limits.late, (point,))
         watch.daemon = True
         watch.start()
     from filippov.solving.solver import solve

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -144,7 +145,7 @@ class _Driver:
                 self._submit(*self._next())
             deadline = min((end for *_, end in self.flying.values()), default=np.inf)
             left = min(self.engine.pulse, max(0.0, deadline - time.monotonic()))
-            longest = None if left == np.inf else left
+            longest = None if left > threading.TIMEOUT_MAX else left
             ready, _ = wait(self.flying, timeout=longest, return_when=FIRST_COMPLETED)
             self.engine.look()
             for future in ready:

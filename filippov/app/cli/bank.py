@@ -15,6 +15,7 @@ from filippov.base.errors import UsageError
 from filippov.base.json_text import json_text
 
 NOT_PASSED, INTERRUPTED = 3, 130
+SHOWN = 5
 
 
 def run(settings: dict[str, Any], console: Console) -> int:
@@ -81,7 +82,11 @@ def _run(settings: dict[str, Any], console: Console) -> int:
     if interrupted:
         console.warn(f"interrupted; the rows of {len(rows)} of {len(cases)} cases are kept")
         return INTERRUPTED
-    return 0 if all(row.passed for row in rows) else NOT_PASSED
+    failed = [row.id for row in rows if not row.passed]
+    if failed:
+        console.warn(f"{len(failed)} of {len(rows)} cases did not pass: {', '.join(failed[:SHOWN])}"
+                     f"{', ...' if failed[SHOWN:] else ''}")  # fmt: skip
+    return NOT_PASSED if failed else 0
 
 
 def _places(settings: dict[str, Any], console: Console, name: str) -> list[tuple[Folder, str]]:

@@ -44,7 +44,9 @@ def run(settings: dict[str, Any], console: Console) -> int:
                 progress=lambda count, misfit: progress(f"{count} evaluations, misfit {misfit:.3g}"),
                 **options,
             )  # fmt: skip
-    console.say(str(result))
+    *told, last = str(result).splitlines()  # the last one says why, where it did not succeed
+    console.say("\n".join(told))
+    (console.say if result.success else console.warn)(last)
     data = {"data": settings["data"], "law": settings["law"]} | result.to_dict()
     console.result(data)
     folder.json("identified.json", data)

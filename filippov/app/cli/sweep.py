@@ -105,6 +105,8 @@ def run_ensemble(settings: dict[str, Any], console: Console) -> int:
     }  # fmt: skip
     console.result(data)
     console.say(", ".join(f"{count} {name}" for name, count in counts.items()) + _backwards(problem))
+    for k in np.flatnonzero(~ends.success)[:SHOWN].tolist():
+        console.warn(f"trajectory {k}: {ends.status[k].value}: {ends.message[k]}".removesuffix(": "))
     folder.json("summary.json", data)
     columns = (*sweep.names, "t", *(f"end({name})" for name in states), "mode", "events", "status", "message")
     modes = [mode_text(tuple(mode)) for mode in ends.mode.tolist()]

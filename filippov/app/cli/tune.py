@@ -14,7 +14,7 @@ from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import load_model
 from filippov.app.cli.sections.maps import interval_of, section_of
 from filippov.base.errors import UsageError
-from filippov.base.given import number
+from filippov.base.given import level, number
 from filippov.base.read_whole import read_json
 from filippov.plot.tuning import plot_gain_maps
 
@@ -33,10 +33,7 @@ def identified(path: str, known: tuple[str, ...]) -> tuple[dict[str, float], lis
         every = list(data["values"])
         place = [every.index(name) for name in names]
         covariance = np.array(data["covariance"], dtype=float).reshape(len(every), len(every))
-        level = number(data["level"], "level")
-        if not 0 < level < 1:
-            raise UsageError(f"level is {level}, expected a number between 0 and 1")
-        radius = math.sqrt(float(chi2.ppf(level, max(len(names), 1))))
+        radius = math.sqrt(float(chi2.ppf(level(data["level"]), max(len(names), 1))))
     except (OSError, RecursionError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(
             f"{path} is no identified.json of `filippov identify` ({type(error).__name__}: {error})."
