@@ -143,7 +143,7 @@ def test_failures_are_rows_with_their_cause(tmp_path: Path) -> None:
     found = serial(sweep_of(write_case(tmp_path), "fails"))
     check(found, bad=(3,))
     assert found.status[2] == "error"
-    assert found.message[2] == "ValueError: no three, please"
+    assert found.message[2] == "ValueError: no three, please (line 40 of harm.py)"
     assert found.failed.tolist() == [2]
     (x,) = states("x")
     p = parameters(k=1.0)

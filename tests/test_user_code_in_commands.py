@@ -4,12 +4,15 @@ import io
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import redirect_stdout
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command import ROOT, command, strict
 
+from filippov import Problem, Sweep, System, UsageError, states
 from filippov.app.cli.main import main
 
 MODEL = """
@@ -165,3 +168,70 @@ def test_json_is_utf_8_in_every_locale(folder: Path) -> None:
     # A name that the locale cannot read is kept byte for byte.
     model = strict(done.stdout.decode("utf-8"))["model"]
     assert os.fsencode(model).decode("utf-8", "surrogateescape").endswith("größe ∂.py:plain")
+
+
+DECAY = """
+from filippov import Problem, System, states
+
+x, = states("x")
+decay = Problem(System({x: -RATE*x}), x0=(1,), t_span=(0, 1))
+
+def twice(solution):
+    return {"twice": 2.0*RATE}
+"""
+
+
+def test_a_file_is_run_as_it_is_now(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Byte code of a text of the same size and second is not taken for it, nor what a process read before."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "decay_at_a_rate.py"
+    problem = Problem(System({states("x")[0]: 1}), x0=(0,), t_span=(0, 1))
+    for rate in ("1.0", "2.0", "3.0"):
+        file.write_text(DECAY.replace("RATE", rate))
+        os.utime(file, (1e9, 1e9))
+        made = io.StringIO()
+        with redirect_stdout(made):
+            assert main(["simulate", f"{file.name}:decay", "--json", "--quiet"]) == 0
+        assert strict(made.getvalue())["x_end"]["x"] == pytest.approx(np.exp(-float(rate)), rel=1e-8)
+        sweep = Sweep(problem, {"x0.x": [1, 2]}, measure=f"{file}:twice")
+        file.write_text("changed = 'since'")  # while it runs
+        with ThreadPoolExecutor(1) as pool:
+            assert sweep.run(executor=pool)["twice"].tolist() == [2 * float(rate)] * 2
+        assert sweep.run(jobs=1)["twice"].tolist() == [2 * float(rate)] * 2
+
+
+FAULTS = {
+    "def field(t, x, p, s):\n    return [1/0]\n": "ZeroDivisionError: division by zero (line 3 of mine.py)",
+    "def field(t, x, p, s):\n    return [p.q]\n": "unknown parameter 'q'; known: k (line 3 of mine.py)",
+    "import helper\nfield = helper.field\n": "ValueError (line 2 of helper.py)",
+    "import faulty\n": "ZeroDivisionError: division by zero (line 2, line 3 of faulty.py)",
+}
+
+
+@pytest.mark.parametrize("text", FAULTS)
+def test_an_error_in_a_file_is_said_with_its_line(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("helper.py").write_text("def field(t, x, p, s):\n    raise ValueError\n")
+    Path("faulty.py").write_text("\n\n1/0\n")
+    rest = (
+        "system = System(field=field, surfaces=[], states='x', parameters={'k': 1.0})\n"
+        "problem = Problem(system, x0=(1,), t_span=(0, 1))\n"
+    )
+    Path("mine.py").write_text(f"from filippov import Problem, System\n{text}{rest}")
+    try:
+        assert main(["simulate", "mine.py:problem", "--quiet"]) == 1
+    finally:
+        for name in ("helper", "faulty", "mine"):
+            sys.modules.pop(name, None)
+    assert FAULTS[text] in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("value", ["'1.5'", "None", "1j", "[1]", "{}"])
+def test_what_a_measure_returns_are_numbers(value: str, tmp_path: Path) -> None:
+    problem = Problem(System({states("x")[0]: 1}), x0=(0,), t_span=(0, 1))
+    (tmp_path / "mine.py").write_text(f"def own(solution):\n    return {{'a': {value}}}\n")
+    with pytest.raises(UsageError, match=r"own: 'a' is .*, expected a number"):
+        Sweep(problem, {"x0.x": [1, 2]}, measure=f"{tmp_path}/mine.py:own")

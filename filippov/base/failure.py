@@ -6,6 +6,7 @@ import multiprocessing
 import threading
 
 from filippov.base.errors import ModelError, SolveError, UsageError
+from filippov.base.user_file import placed
 
 
 def failure(error: BaseException) -> str:
@@ -23,4 +24,4 @@ def failure(error: BaseException) -> str:
     if isinstance(error, SystemExit):
         return f"SystemExit: a function of the user's ended the program with sys.exit({error.code!r})"
     own = isinstance(error, ModelError | UsageError | SolveError)
-    return str(error) if own else f"{type(error).__name__}: {error}"
+    return str(error) if own else placed(error)

@@ -20,7 +20,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from numbers import Real
 from pathlib import Path
@@ -30,11 +30,11 @@ import numpy as np
 
 from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
-from filippov.base.given import several
+from filippov.base.given import as_float, several, shown
 from filippov.base.names import unknown
 from filippov.base.status import mode_text
 from filippov.base.symbolic_value import is_expression
-from filippov.base.user_file import load_file
+from filippov.base.user_file import load_file, read_file
 from filippov.model.system import System
 from filippov.solving.ensemble import Ensemble
 from filippov.solving.state.events import Events, columns_of
@@ -141,12 +141,14 @@ class Function:
     """A function of the user's, by path and name, or itself where it can be imported.
 
     names  of the numbers it returns
+    text   of its file when the measure was made, which every worker runs whatever stands there by then
     """
 
     path: str
     name: str
     given: Callable[[Solution], Mapping[str, float]] | None = None
     names: tuple[str, ...] = ()
+    text: bytes = field(default=b"", repr=False)
     needs = 2
 
     def columns(self, system: System) -> tuple[str, ...]:
@@ -158,11 +160,11 @@ class Function:
         found = self.call(solution)
         if tuple(found) != self.names:
             raise UsageError(f"{self.name} returned {', '.join(found)}; at first {', '.join(self.names)}.")
-        return [float(value) for value in found.values()]
+        return list(found.values())
 
     def call(self, solution: Solution) -> Mapping[str, float]:
         """What the function returns: numbers by name, or one of its own name. Raises UsageError otherwise."""
-        found: Any = (self.given or _function(self.path, self.name))(solution)
+        found: Any = (self.given or _function(self.path, self.name, self.text))(solution)
         if isinstance(found, Real):
             return {self.name.rpartition(".")[2]: float(found)}
         if not isinstance(found, Mapping) or not all(isinstance(key, str) for key in found):
@@ -170,15 +172,15 @@ class Function:
                 f"{self.name} returned {type(found).__name__}, expected a number, or a dict of them by "
                 "name."
             )
-        return found
+        return {key: _number(f"{self.name}: {key!r}", value) for key, value in found.items()}
 
     @property
     def depends(self) -> Dependence:
         """What it depends on; of a file of its own, all of it."""
         if self.given is not None:
             return dependence(self.given)
-        file = hashlib.sha256(Path(self.path).read_bytes()).hexdigest()
-        return dependence(file, _function(self.path, self.name))
+        file = hashlib.sha256(self.text).hexdigest()
+        return dependence(file, _function(self.path, self.name, self.text))
 
 
 def read_measures(given: Any, system: System) -> tuple[Measure | Function, ...]:
@@ -200,8 +202,9 @@ def _read(item: Any, system: System) -> Measure | Function:
         raise UsageError(f"measure holds {item!r}, expected text or a function of the solution.")
     path, colon, name = item.rpartition(":")
     if colon and path.endswith(".py"):
-        _function(str(Path(path).resolve()), name)
-        return Function(str(Path(path).resolve()), name)
+        text = read_file(Path(path))
+        _function(str(Path(path).resolve()), name, text)
+        return Function(str(Path(path).resolve()), name, text=text)
     match = _TEXT.fullmatch(item)
     if match is None or match[1] not in NAMES:
         raise UsageError(f"{unknown('measure', item, NAMES)}; or path/to/file.py:name")
@@ -246,9 +249,17 @@ def _checked(measure: Measure, system: System) -> Measure:
     return measure
 
 
+def _number(name: str, value: Any) -> float:
+    """A number, or whether something is so, as 1 or 0. Raises UsageError for text, None and complex ones."""
+    found = float(value) if isinstance(value, bool | np.bool_) else as_float(value)
+    if found is None:
+        raise UsageError(f"{name} is {shown(value)}, expected a number.")
+    return found
+
+
 @lru_cache(maxsize=64)
-def _function(path: str, name: str) -> Callable[[Solution], Mapping[str, float]]:
-    module = load_file(Path(path))
+def _function(path: str, name: str, text: bytes) -> Callable[[Solution], Mapping[str, float]]:
+    module = load_file(Path(path), text)
     found = getattr(module, name, None)
     if not callable(found):
         own = [n for n, value in vars(module).items() if callable(value) and not n.startswith("_")]

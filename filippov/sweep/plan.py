@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -252,7 +253,7 @@ class Sweep:
                         f"measure {measure.name} fails for the template itself: {failure(error)}. A function "
                         "takes the solution and returns a dict of numbers by name."
                     ) from error
-                measure = Function(measure.path, measure.name, measure.given, names)  # noqa: PLW2901
+                measure = replace(measure, names=names)  # noqa: PLW2901
             out.append(measure)
         made = [name for measure in out for name in measure.columns(self.system)]
         twice = [name for name in made if made.count(name) > 1 or name in self.names]

@@ -151,7 +151,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     except BaseException as error:  # noqa: BLE001
         # A user's own function may raise anything; its cause is named and the exit code tells of it.
-        return _failed(FAILED, f"{type(error).__name__}: {error}", show)
+        from filippov.base.user_file import placed
+
+        return _failed(FAILED, placed(error), show)
 
 
 def _parted(argv: list[str], pairs: set[str]) -> list[str]:
