@@ -10,6 +10,7 @@ import re
 import unicodedata
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import networkx as nx
@@ -276,3 +277,37 @@ def test_11_23_a_row_of_a_bank_is_one_line(name: str, message: str) -> None:
     solvers = SolverTable((row,), {}, 1e-8, 1e-6, 9, 1.0)
     assert not unseen(solvers_text(solvers))
     assert solvers_text(solvers).count("\n") == 9
+
+
+def test_results_whose_run_was_ended_between_two_of_them_are_replaced_by_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(text: str) -> None:
+        outputs = Outputs(tmp_path, FILES)
+        for name in FILES:
+            outputs.write(tmp_path / name, lambda path: path.write_text(text, encoding="utf-8"))
+        outputs.keep()
+
+    replace, calls = Path.replace, 0
+    for last in range(1, 10):
+        run("before")
+        calls = 0
+
+        def ended(path: Path, target: Path, last: int = last) -> Path:
+            nonlocal calls
+            calls += 1
+            if calls == last:
+                raise KeyboardInterrupt
+            return replace(path, target)
+
+        with monkeypatch.context() as patched, suppress(KeyboardInterrupt):
+            patched.setattr(Path, "replace", ended)
+            run(f"ended at {last}")
+        (tmp_path / ".results.csv.0123456789abcdef.tmp").touch()
+        run("after")
+        assert {path.name for path in tmp_path.iterdir()} == {*FILES, "written.json"}
+        assert {(tmp_path / name).read_text(encoding="utf-8") for name in FILES} == {"after"}
+    assert calls == 7  # three files, each noted before, and once all of them
+    (tmp_path / FILES[0]).write_text("mine", encoding="utf-8")
+    with pytest.raises(UsageError, match="was not written by this sweep"):
+        Outputs(tmp_path, FILES)

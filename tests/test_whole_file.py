@@ -1,5 +1,6 @@
 """Files are written whole, through no link, and leave the process as it was."""
 
+import errno
 import json
 import os
 import stat
@@ -191,3 +192,15 @@ def test_11_23_every_file_that_a_command_opens_to_write_is_new_or_no_link(tmp_pa
         capture_output=True, text=True, timeout=250, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]
+
+
+def test_a_full_disk_is_said_with_the_name_of_the_file(tmp_path: Path) -> None:
+    def full(file: BinaryIO) -> None:
+        file.write(b"some of it")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    path = tmp_path / "table.csv"
+    with pytest.raises(OSError, match=r"No space left.*table\.csv") as caught:
+        write_whole(path, full)
+    assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(path))
+    assert not list(tmp_path.iterdir())

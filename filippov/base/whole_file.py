@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import secrets
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -52,11 +53,20 @@ def write_whole(path: str | Path, content: Content) -> Path:
             file.flush()
             os.fsync(file.fileno())
         temporary.replace(target)
-    except BaseException:
+    except BaseException as error:
         temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename in (None, str(temporary)):
+            raise OSError(error.errno, error.strerror or str(error), str(path)) from None
         raise
     _sync_folder(target.parent)
     return target
+
+
+def leftovers(folder: Path, names: Iterable[str]) -> list[Path]:
+    """What writers of these files left half written when they were killed."""
+    any_of = "|".join(re.escape(name[:_LONGEST]) for name in names)
+    mine = re.compile(rf"\.+({any_of})(\.[0-9a-f]{{16}}\.tmp)+")  # of a file that was temporary itself, too
+    return [path for path in folder.glob(".*.tmp") if mine.fullmatch(path.name)]
 
 
 def _fill(file: BinaryIO, content: Content) -> None:

@@ -27,7 +27,7 @@ from filippov.base.arrays import Whole
 from filippov.base.errors import UsageError
 from filippov.base.json_text import json_text
 from filippov.base.read_whole import read_json
-from filippov.base.whole_file import write_whole
+from filippov.base.whole_file import leftovers, write_whole
 from filippov.io.archive import Archive, write_arrays
 from filippov.sweep.chunk import chunk_name, chunks_of, leftovers_of, no_room, read_chunk, write_chunk
 from filippov.sweep.manifest import NAME as MANIFEST
@@ -37,6 +37,7 @@ from filippov.sweep.rows import Rows, Work
 from filippov.sweep.table import SweepTable
 
 POINTS, CHUNKS, QUARANTINE = "points.npz", "chunks", "quarantine.json"
+PROBE = "try"
 ASIDE = "filippov quarantine"
 LARGEST = 1 << 33
 LARGEST_ASIDE = 1 << 26
@@ -70,7 +71,8 @@ class Store:
             self._room()
         self.chunks.mkdir(exist_ok=True)
         self._write()
-        for left in leftovers_of(self.chunks, self.manifest.key):
+        own = leftovers(self.folder, (MANIFEST, POINTS, QUARANTINE, PROBE))
+        for left in (*leftovers_of(self.chunks, self.manifest.key), *own):
             left.unlink(missing_ok=True)
 
     def read(self) -> SweepTable:
@@ -206,7 +208,7 @@ def try_folder(folder: Path) -> None:
     """Make a folder and write, rename and read a file in it. Raises UsageError with the cause."""
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{str(folder)!r} is a file, expected a folder for the sweep.")
-    content, probe = os.urandom(16), folder / f".try.{secrets.token_hex(8)}.tmp"
+    content, probe = os.urandom(16), folder / f".{PROBE}.{secrets.token_hex(8)}.tmp"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         try:

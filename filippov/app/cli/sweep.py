@@ -5,17 +5,19 @@ from __future__ import annotations
 import shlex
 import sys
 from collections import Counter
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from filippov import Problem, SolveError, Sweep, UsageError, solve_many
-from filippov.app.cli.console import Console
+from filippov.app.cli.console import Console, json_text
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import loaded_of
 from filippov.app.cli.outputs import Outputs
 from filippov.app.cli.solved import SOLVER, parse_stop
 from filippov.base.status import mode_text
+from filippov.base.whole_file import write_whole
 from filippov.sweep.dataset import write_csv, write_netcdf
 from filippov.sweep.point import split
 from filippov.sweep.table import SweepTable
@@ -67,10 +69,11 @@ def run(settings: dict[str, Any], console: Console) -> int:
     console.say(counts + _backwards(problem))
     for row in data["failed"][:SHOWN]:
         console.warn(f"point {row['point']}: {row['status']}: {row['message']}")
-    folder.json("summary.json", data)
-    folder.file("results.csv", lambda path: write_csv(table, path))
+    said = json_text(data)
+    folder.file("summary.json", lambda path: outputs.write(path, partial(write_whole, content=said)))
+    folder.file("results.csv", lambda path: outputs.write(path, partial(write_csv, table)))
     try:
-        folder.file("results.nc", lambda path: write_netcdf(table, path))
+        folder.file("results.nc", lambda path: outputs.write(path, partial(write_netcdf, table)))
     except ImportError as error:
         console.say(f"no results.nc: {error}")
     outputs.keep()
