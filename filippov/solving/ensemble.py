@@ -289,9 +289,8 @@ class Prepared:
         """State, status and mode at the ends: of an Ensemble what a map needs, sooner for a few rows."""
         machine = self.machine
         if self._few and machine is not None and len(states) <= FEW:
-            batch = self._waiting.pop(len(states), None) or Batch.ready(
-                machine, states, values, self.span, self.stops, self.checked
-            )
+            ready = machine, states, values, self.span, self.stops, self.checked
+            batch = self._waiting.pop(len(states), None) or Batch.ready(*ready)
             batch.again(states, values)
             batch.run(1, None)
             statuses = _statuses(batch)
@@ -299,7 +298,8 @@ class Prepared:
                 x, mode = batch.x.copy(), batch.mode.copy()
                 self._waiting[len(states)] = batch
                 return x, cast(list[Status], statuses), mode
-        whole = self.run(states, values)
+        if not (whole := self.run(states, values)).complete:
+            raise KeyboardInterrupt
         return whole.x, list(whole.status), whole.mode
 
     def _usable(
