@@ -157,11 +157,11 @@ class Branch(Shown, Answering):
 
     @keywords()
     def coordinate(self, name: str) -> Array:
-        """One coordinate along the branch."""
+        """One coordinate along the branch; NaN where a point has none of that name, as a multiplier."""
         known = list(self.points[0].coordinates) if self.points else []
         if name not in known:
             raise UsageError(unknown("coordinate", name, known))
-        return np.array([point.coordinates[name] for point in self.points])
+        return np.array([point.coordinates.get(name, np.nan) for point in self.points])
 
     def __str__(self) -> str:
         return "\n".join([f"{len(self.points)} points; {self.message}", *map(str, self.special)])
@@ -199,10 +199,10 @@ class Branch(Shown, Answering):
         data = read_json(path, FORMAT, VERSION)
         with content_of(path):
             points = [_in(row) for row in data["points"]]
+            # A branch that leaves a surface has no multiplier of it from there on.
             for k, point in enumerate(points):
-                lost = points[0].coordinates.keys() - point.coordinates.keys()
-                if lost or not point.coordinates:
-                    raise ValueError(f"point {k} has no coordinate {', '.join(sorted(lost))}".rstrip())
+                if not point.coordinates:
+                    raise ValueError(f"point {k} has no coordinates")
             others = {str(k): _float(f"parameter {k!r}", v) for k, v in data["parameters"].items()}
             return cls(
                 str(data["parameter"]), str(data["kind"]), others, points, str(data["message"]),
