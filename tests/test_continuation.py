@@ -327,7 +327,7 @@ def test_wrong_arguments_are_named(tmp_path: Path):
     with pytest.raises(UsageError, match="resume"):
         continuation(circle, [1.0, 1.0], value=0.0, bounds=(-1, 1), parameter="r", resume=branch)
     (tmp_path / "x.json").write_text('{"format": "filippov branch", "version": 1, "points": 3}')
-    with pytest.raises(UsageError, match="no branch"):
+    with pytest.raises(UsageError, match="is incomplete or damaged"):
         Branch.load(tmp_path / "x.json")
 
 

@@ -139,7 +139,7 @@ class ReturnMap:
         total, x = np.eye(n), self.x
         for _ in range(self.returns):
             run = self._event(x, dense=True)
-            ending = self.section.ending(run.events)
+            ending = self.section.cause(run.events)
             total = onto_section(run, ending, flow_derivative(run, before_last=True))[:n] @ total
             x = run.x_end
         return total

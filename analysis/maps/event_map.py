@@ -238,7 +238,7 @@ class EventMap(Shown, Answering):
                 return np.full(out.size, np.nan)
             change = derivative_by_all(solution, True, names) @ self.bound.start_change(out[0], self.p, names)
             slope = self.bound.slope(solution.x_end)
-            ending = self.bound.ending(solution.events)
+            ending = self.bound.cause(solution.events)
             change = slope @ onto_section(solution, ending, change, names)[:n]
             out[2:] = change[0] * out[2:] + change[1:]
             out[1] *= change[0]

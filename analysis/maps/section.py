@@ -15,7 +15,7 @@ from filippov.analysis.maps.coordinate import Coordinate
 from filippov.base.arrays import Array
 from filippov.base.keywords import constructor
 from filippov.base.names import unknown
-from filippov.base.status import no_kind
+from filippov.base.status import JUMPED_OVER, no_kind
 from filippov.model.expression import parse_expression
 from filippov.solving.state.events import STOP_KINDS, Event, Stop, turned
 
@@ -162,10 +162,17 @@ class BoundSection:
         return all(a == "*" or signs[a] == m for a, m in zip(self.section.after, mode, strict=False))
 
     def ending(self, events: Sequence[Event]) -> Event:
-        """The section's event at which a run ended: what a reset jumps over stands behind it."""
+        """The section's event at which a run ended: what a reset jumps over may stand behind it."""
         kind = self.section.kind
         own = (e for e in reversed(events) if e.index in self.surfaces and kind.startswith(str(e.kind)))
         return next(own, events[-1])
+
+    def cause(self, events: Sequence[Event]) -> Event:
+        """The event at which a run ended on the section, or the reset that took the state over it there."""
+        found = self.ending(events)
+        if found.note != JUMPED_OVER:
+            return found
+        return next((e for e in events if e.group == found.group and e.note != JUMPED_OVER), found)
 
     def read(self, x: Array) -> Array:
         """The coordinate of states (k, n): (k,)."""
