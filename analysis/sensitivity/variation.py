@@ -215,9 +215,9 @@ class ModeField:
 
     def _left_free(self, ks: Array, t: Array, x: Array, s: Array, p: Array) -> npt.NDArray[np.bool_]:
         """Where the field depends on what k = 0 leaves free in the multipliers: (points,)."""
-        fs = np.abs(self.part("fs", t, x, s, p))
-        moved = np.abs(self.part("fs", t, x, s, p) @ (np.eye(ks.shape[-1]) - linalg.pinv(ks) @ ks))
-        size = np.maximum(np.abs(self.part("f", t, x, s, p)).max(axis=(1, 2)), fs.max(axis=(1, 2)))
+        f, fs = self.part("f", t, x, s, p), self.part("fs", t, x, s, p)
+        moved = np.abs(fs @ (np.eye(ks.shape[-1]) - linalg.pinv(ks) @ ks))
+        size = np.maximum(np.abs(f).max(axis=(1, 2)), np.abs(fs).max(axis=(1, 2)))
         return np.asarray(moved.max(axis=(1, 2)) > ROUNDING * size)
 
 

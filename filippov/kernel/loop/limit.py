@@ -42,7 +42,8 @@ def forget_cycles(run: Trajectory) -> None:
     """Start the search for accumulations anew."""
     for i in range(M):
         cycles = run.zeno[i]
-        cycles.last, cycles.widest, cycles.slow, cycles.faint = 0.0, 0.0, 0.0, 0.0
+        cycles.last, cycles.widest, cycles.slow = 0.0, 0.0, 0.0
+        cycles.faint, cycles.ask = 0.0, 0.0
         for lag in range(3):
             cycles.interval[lag], cycles.streak[lag] = 0.0, 0.0
 
