@@ -27,13 +27,17 @@ def begin(run: Run) -> int:
     code, machine = run.begin(), run.machine
     if code == codes.USER_ERROR or run.direction < 0 or not any(machine.contacts):
         return code
-    side, mode = np.array(machine.contacts, dtype=float), off_contact(run, run.mode)
-    resting = np.where(side == 0.0, mode, 0.0)
+    side, held = np.array(machine.contacts, dtype=float), 0.0 in run.mode.tolist()
+    mode = off_contact(run, run.mode) if held else run.mode.copy()
     known = CLOSE * (run.atol + run.options.rtol * np.abs(run.x))
 
-    h, g = machine.guards(run.t, run.x, mode), machine.gradients(run.t, run.x, mode)[0]
-    rate, slope = machine.guards(run.t, run.x, resting), machine.gradients(run.t, run.x, resting)[0]
+    h = machine.guards(run.t, run.x, mode) if held else run.guards()
+    g = machine.gradients(run.t, run.x, mode)[0]
     near = (side != 0.0) & (np.abs(h) <= np.abs(g) @ known)
+    if True not in near.tolist():  # mostly; without a contact nearby, nothing else needs to be known
+        return code
+    resting = np.where(side == 0.0, mode, 0.0)
+    rate, slope = machine.guards(run.t, run.x, resting), machine.gradients(run.t, run.x, resting)[0]
     slow, behind = near & (np.abs(rate) <= np.abs(slope) @ known), near & (side * h < 0.0)
     if not np.any(slow | behind):
         return code

@@ -1,12 +1,22 @@
-"""Guards of a solution that slides on one surface, at several points of a step side by side.
+"""Guards of a solution off all surfaces or sliding on one, at several points of a step side by side.
 
 The points of a sample are independent, so a vector takes LANES of them at once. Only small symbolic fields
 are sampled in this way (WIDE); `sampling.sample` is the plain form.
 """
 
-from filippov.kernel.language.primitives import Indices, Vector, anywhere, contract, kernel, lanes, shift
+from filippov.kernel.language.primitives import (
+    Indices,
+    Shared,
+    Vector,
+    anywhere,
+    contract,
+    kernel,
+    lanes,
+    shift,
+)
 from filippov.kernel.loop.model import (
     CONTACT,
+    DEGREE_DENSE,
     G_COLUMN,
     G_FIRST,
     WIDTH,
@@ -23,6 +33,24 @@ from filippov.kernel.tables.layout import LANES
 
 # Offsets in `wide`, in vectors: times, states, parameters, modes, rows of guards, and the rest.
 X = 1
+
+
+@contract
+@lanes
+def guards_beside(
+    theta: Vector, t: float, step: float, coef: Shared, x: Vector, p: Vector, m: Vector, rows: Vector,
+    ctx: Indices,
+) -> None:  # fmt: skip
+    """As `sampling.guard_rows` at the points theta of the dense output, where nothing slides: rows 0 to M."""
+    u = theta[0]
+    for i in range(N):
+        value = coef[DEGREE_DENSE * N + i] + 0.0 * u
+        for j in range(DEGREE_DENSE - 1, -1, -1):
+            value = value * u + coef[j * N + i]
+        x[i] = value
+    guards(t + u * step, x, p, m, rows, ctx)
+    for i in range(M):
+        rows[i] = m[i] * rows[i] + WIDTH[i]
 
 
 @contract
@@ -123,6 +151,15 @@ def point_rows(i: int, attract: float, w: Scratch, ctx: Indices) -> int:
     m = shift(p, P * LANES)
     rows = shift(m, M * LANES)
     return rows_beside(room, shift(room, X * LANES), p, m, i, attract, rows, shift(rows, 2 * M * LANES), ctx)
+
+
+@kernel
+def open_rows(t: float, step: float, w: Scratch, ctx: Indices) -> None:
+    """The guards at the places theta in the lanes, where nothing slides; see `guards_beside`."""
+    x = shift(w.wide, X * LANES)
+    p = shift(x, N * LANES)
+    m = shift(p, P * LANES)
+    guards_beside(w.wide, t, step, w.coef, x, p, m, shift(m, M * LANES), ctx)
 
 
 @kernel

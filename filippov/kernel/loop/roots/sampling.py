@@ -27,10 +27,11 @@ from filippov.kernel.loop.model import (
     WIDTH,
     M,
     N,
+    P,
     guards,
     radii,
 )
-from filippov.kernel.loop.roots.points import place_point, point_rows, prepare_points, take_rows
+from filippov.kernel.loop.roots.points import open_rows, place_point, point_rows, prepare_points, take_rows
 from filippov.kernel.loop.rules import UTKIN
 from filippov.kernel.loop.series import has_series, series_dense, series_sample, series_value
 from filippov.kernel.loop.state import Integers, Scratch
@@ -181,6 +182,37 @@ def sample_in_lanes(
 
 
 @kernel
+def sample_open(
+    t: float, step: float, lo: float, width: float, p: Vector, m: Vector, w: Scratch, iw: Integers,
+    ctx: Indices,
+) -> int:  # fmt: skip
+    """As `sample`, for a solution of a small symbolic system off all its surfaces."""
+    first, rows = 0, shift(w.wide, (1 + N + P + M) * LANES)
+    prepare_points(p, m, w)
+    while first < NODES + CHECKS:
+        for lane in range(LANES):
+            # Unused lanes in the last round repeat its last point.
+            q = min(first + lane, NODES + CHECKS - 1)
+            at = POSITION[q] if q < NODES else CHECK_FIRST + CHECK_APART * (q - NODES)
+            w.wide[lane] = lo + width * at
+        open_rows(t, step, w, ctx)
+        for lane in range(min(LANES, NODES + CHECKS - first)):
+            q = first + lane
+            inside = q < NODES
+            out = shift(w.node, q * 2 * M) if inside else shift(w.check, (q - NODES) * 2 * M)
+            for i in range(M):
+                out[i], out[M + i] = rows[i * LANES + lane], 1.0
+        first += LANES
+    # A guard that is 0 at an end of the step is 0 here.
+    code = 0
+    if lo == 0.0:
+        code = guard_rows(t, w.coef, p, m, w.node, w, iw, ctx)
+    if lo + width == 1.0 and code == 0:
+        code = guard_rows(t + step, w.y, p, m, shift(w.node, (NODES - 1) * 2 * M), w, iw, ctx)
+    return code
+
+
+@kernel
 def series_holds(
     t: float, step: float, p: Vector, m: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> bool:
@@ -216,9 +248,11 @@ def sample(
         if series_holds(t, step, p, m, w, iw, ctx):
             series_sample(step, CHECK_FIRST, CHECK_APART, m, w)
             return 0
-    if WIDE:  # noqa: SIM102 - told apart when the unit is made
+    if WIDE:
         if iw.sliding == 1 and CONTACT[only_sliding(iw)] == 0 and (AFFINE or RULE != UTKIN):
             return sample_in_lanes(t, step, lo, width, p, m, w, iw, ctx)
+        if iw.sliding == 0:
+            return sample_open(t, step, lo, width, p, m, w, iw, ctx)
     x = w.xm
     for q in range(NODES):
         theta = lo + width * POSITION[q]
