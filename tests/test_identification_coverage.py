@@ -21,14 +21,14 @@ from filippov.models import get
 from filippov.models.driven import driven_mass
 
 sys.path.insert(0, str(Path(__file__).parent / "benchmarks"))
-import coverage
+import intervals
 
-KINDS = {kind.name: kind for kind in coverage.KINDS}
+KINDS = {kind.name: kind for kind in intervals.KINDS}
 
 
 @lru_cache
 def drawn(name: str, draws: int) -> list[dict[str, object]]:
-    return coverage.campaign([name], draws, workers=1)
+    return intervals.campaign([name], draws, workers=1)
 
 
 def test_12_1_intervals_cover() -> None:
@@ -38,16 +38,16 @@ def test_12_1_intervals_cover() -> None:
     """
     rows = [*drawn("page, 20 ms", 5), *drawn("force 0.5 %", 2), *drawn("AR 0.8", 2), *drawn("held force", 1)]
     assert all(row["success"] for row in rows), [row["message"] for row in rows]
-    for name in coverage.TRUE:
+    for name in intervals.TRUE:
         hits = sum(bool(row[f"{name} held"]) for row in rows)
         assert hits >= binom.ppf(1e-4, len(rows), 0.9), (name, hits)
 
 
 def fitting(name: str, seed: int) -> Fitting:
     """A fit to a draw, as `identify` prepares it."""
-    system, names = driven_mass(), list(coverage.TRUE)
+    system, names = driven_mass(), list(intervals.TRUE)
     return Fitting(
-        coverage.record(KINDS[name], seed), system, names, ["m", "beta"], {"m": 1, "beta": 2}, 2, 1e-9,
+        intervals.record(KINDS[name], seed), system, names, ["m", "beta"], {"m": 1, "beta": 2}, 2, 1e-9,
         parameter_bounds(system, names), None,
     )  # fmt: skip
 
@@ -60,7 +60,7 @@ def test_12_1_a_force_without_noise_widens_little(name: str) -> None:
     errors of Fc and b 1.3 to 2.3 times as large.
     """
     own = fitting(name, 3)
-    first = np.concatenate((list(coverage.START.values()), own.initial_states().ravel()))
+    first = np.concatenate((list(intervals.START.values()), own.initial_states().ravel()))
     fit = own.fit(first, KINDS[name].hold)
     assert fit.success
     noise, windows = fit.noise, fit.linear.windows
@@ -108,14 +108,14 @@ def test_12_1_another_law_is_refused(name: str) -> None:
 
 def test_12_1_the_command_refuses_as_well(tmp_path: Path) -> None:
     """Exit code 3, intervals that are null in JSON, and the sentence; tune takes no such file."""
-    record = coverage.record(KINDS["beta 1.5"], 2)
+    record = intervals.record(KINDS["beta 1.5"], 2)
     rows = zip(record.t, record.x, record.force, strict=True)
     data, out = tmp_path / "measured.csv", tmp_path / "out"
     lines = ["t,x,force", *(f"{a:.9g},{b:.9g},{c:.9g}" for a, b, c in rows)]
     data.write_text("\n".join(lines) + "\n", encoding="utf-8")
     words = ["identify", str(data), "--fixed", "m=1", "--fixed", "beta=2", "--hold", "cubic"]
     words += ["--windows", "2"]
-    for name, value in coverage.START.items():
+    for name, value in intervals.START.items():
         words += ["--start", f"{name}={value}"]
     assert main([*words, "-o", str(out)]) == 3
     found = json.loads((out / "identified.json").read_text(encoding="utf-8"))
@@ -130,12 +130,12 @@ def test_12_1_a_held_force_is_recognised() -> None:
     """The sampling is inferred where it is not declared: the sampled controller holds its effort."""
     kind = KINDS["held force"]
     found = identify(
-        coverage.record(kind, 0), driven_mass(), list(coverage.TRUE), start=coverage.START,
+        intervals.record(kind, 0), driven_mass(), list(intervals.TRUE), start=intervals.START,
         fixed={"m": 1, "beta": 2}, windows=2,
     )  # fmt: skip
     assert found.success
     assert found.hold == "zero"
-    for name, value in coverage.TRUE.items():
+    for name, value in intervals.TRUE.items():
         assert abs(found.values[name] - value) < 4 * found.errors[name] < 0.01 * value
 
 
@@ -143,12 +143,12 @@ def test_12_1_noise_is_estimated() -> None:
     """The correlation of the position's noise from sample to sample, and its size, are estimated."""
     kind = KINDS["AR 0.8"]
     found = identify(
-        coverage.record(kind, 1), driven_mass(), list(coverage.TRUE), start=coverage.START,
+        intervals.record(kind, 1), driven_mass(), list(intervals.TRUE), start=intervals.START,
         fixed={"m": 1, "beta": 2}, windows=2, hold="cubic",
     )  # fmt: skip
     # sd(rho) = sqrt((1 - rho^2)/n) = 0.027; of the size sqrt((1 + rho^2)/(1 - rho^2)/(2 n)) = 7 %.
     assert abs(found.rho - 0.8) < 4 * 0.027
-    assert found.sigma == pytest.approx(coverage.NOISE, rel=4 * 0.07)
+    assert found.sigma == pytest.approx(intervals.NOISE, rel=4 * 0.07)
 
 
 def kinked(t: np.ndarray) -> np.ndarray:
@@ -196,11 +196,11 @@ def test_12_1_jumps_of_the_objective_are_passed(start: tuple[float, ...]) -> Non
     """A held force frees the mass at samples only; a guess at which it never moves finds the values too."""
     kind = KINDS["held force"]
     found = identify(
-        coverage.record(kind, 1), driven_mass(), list(coverage.TRUE),
-        start=dict(zip(coverage.TRUE, start, strict=True)), fixed={"m": 1, "beta": 2}, windows=2, hold="zero",
+        intervals.record(kind, 1), driven_mass(), list(intervals.TRUE),
+        start=dict(zip(intervals.TRUE, start, strict=True)), fixed={"m": 1, "beta": 2}, windows=2, hold="zero",
     )  # fmt: skip
     assert found.success
-    for name, value in coverage.TRUE.items():
+    for name, value in intervals.TRUE.items():
         # Errors of 1e-13 were the sign of a difference step that had met a jump.
         assert abs(found.values[name] - value) < 4 * found.errors[name] < 0.01 * value
         assert found.errors[name] > 1e-6

@@ -1,6 +1,6 @@
 """How often the intervals of `identify` hold the parameters that a record was made with.
 
-    python tests/benchmarks/coverage.py --draws 200 --workers 16 -o coverage.csv
+    python tests/benchmarks/intervals.py --draws 200 --workers 16 -o coverage.csv
 
 A draw is a record of the page on identification (the reference loop from x = 0.1 over 5 s) or a variation of
 it with new noise; its seed is its number. The coverage asked for is 90 to 98 %; where the law is not the one
