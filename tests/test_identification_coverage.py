@@ -197,7 +197,8 @@ def test_12_1_jumps_of_the_objective_are_passed(start: tuple[float, ...]) -> Non
     kind = KINDS["held force"]
     found = identify(
         intervals.record(kind, 1), driven_mass(), list(intervals.TRUE),
-        start=dict(zip(intervals.TRUE, start, strict=True)), fixed={"m": 1, "beta": 2}, windows=2, hold="zero",
+        start=dict(zip(intervals.TRUE, start, strict=True)), fixed={"m": 1, "beta": 2}, windows=2,
+        hold="zero",
     )  # fmt: skip
     assert found.success
     for name, value in intervals.TRUE.items():

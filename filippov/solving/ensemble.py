@@ -26,7 +26,7 @@ from filippov.model.system import System
 from filippov.solving.ensemble_rows import End, rows_of, unusable
 from filippov.solving.resets.zeno import sentence
 from filippov.solving.scale import default_atols, of_little_ends, small
-from filippov.solving.state.batch import FEW, UNFINISHED, Batch, lane_unit, system_threads, waits
+from filippov.solving.state.batch import FEW, OWN_LOOP, UNFINISHED, Batch, lane_unit, system_threads, waits
 from filippov.solving.state.events import Stop, columns_of, turned
 from filippov.solving.state.machine import Machine
 from filippov.solving.state.option_types import (
@@ -250,7 +250,8 @@ class Prepared:
         )
         alone = machine.compiled.plain or bool(system.inputs)
         width = 1 if alone else _lanes(self.lanes, machine, checked.method, count)
-        unit = _lane_unit(machine, checked.stepper, width) if width > 1 else None
+        own_loop = self.lanes is not None or count >= OWN_LOOP
+        unit = _lane_unit(machine, checked.stepper, width, own_loop) if width > 1 else None
         workers = system_threads(system, self.threads, count, _ROWS_EACH[width > 1])
         unfit, parts = unusable(system, states, values), list[Ensemble]()
         for first in range(0, max(count, 1), _BLOCK):
@@ -278,9 +279,7 @@ class Prepared:
                 return ends
 
             part = self._usable(first, states[rows], values[rows], carried, look, unfit)
-            if measure is not None:
-                part = replace(part, measured=_measured(measure, part))
-            parts.append(part)
+            parts.append(part if measure is None else replace(part, measured=_measured(measure, part)))
             if not part.complete:
                 break
         return _joined(parts, states, span)

@@ -3,9 +3,10 @@
 A unit is one LLVM module. The unit of a system holds its field, guards and resets, its tables, and its sizes
 and the layout of its records (SHAPE). The event loop with the stages of a method reads these at run time, so
 that the units of its parts (`parts`) serve all systems and are linked with each. Lanes have a unit of their
-own, with a loop compiled for the system, a fifth faster, for what the lanes leave to it. A file is named by a
-digest of the sources and constants, of the version of llvmlite and of the processor, so that stale code is
-never found; `cache` says which files are trusted.
+own; what they leave to the plain loop goes to one compiled for the system, which takes two thirds of the time
+and a second and a half to make, or to the one that serves all (`own_loop`). A file is named by a digest of
+the sources and constants, of the version of llvmlite and of the processor, so that stale code is never found;
+`cache` says which files are trusted.
 """
 
 import ast
@@ -211,18 +212,23 @@ def _compile_system(source: str, constants: Mapping[str, Constant], method: str,
     return compile_unit(unit, {}, own, in_lanes, given, missing(constants))
 
 
-def build(source: str, constants: Mapping[str, Constant], method: str, lanes: int = 1) -> Compiled:
+def build(
+    source: str, constants: Mapping[str, Constant], method: str, lanes: int = 1, own_loop: bool = False
+) -> Compiled:
     """The compiled unit of a system: its kernel source, its constants (N, M, ROLE ...) and a method.
 
-    lanes  trajectories side by side: 1, 8 or 16
+    lanes     trajectories side by side: 1, 8 or 16
+    own_loop  beside lanes, a plain loop compiled for the system
     """
     plain = interpreted.current() == "python" and lanes == 1
-    asked = source, method, lanes, plain, tuple((k, _fixed(v)) for k, v in constants.items())
+    asked = source, method, lanes, own_loop, plain, tuple((k, _fixed(v)) for k, v in constants.items())
     if asked not in _units:
         with _lock:
             if asked not in _units:
                 _units[asked] = (
-                    _plain(source, constants, method) if plain else _built(source, constants, method, lanes)
+                    _plain(source, constants, method)
+                    if plain
+                    else _built(source, constants, method, lanes, own_loop)
                 )
     return _units[asked]
 
@@ -260,25 +266,23 @@ def _sized(sizes: Sizes) -> dict[str, type[Struct]]:
     return {record.__name__: record.sized(sizes) for record in STRUCTS}
 
 
-def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: int) -> Compiled:
+def _built(
+    source: str, constants: Mapping[str, Constant], method: str, lanes: int, own_loop: bool
+) -> Compiled:  # fmt: skip
     sizes = _sizes(constants, method)
-    everything = source, sorted(constants.items()), method, lanes
-    if lanes > 1:
-        # The loop beside the lanes is compiled for one trajectory, with its own vector width.
-        alone, own = (*everything[:-1], "alone"), tuple(Entries.places)
-        codes = [
-            kept_code(what, partial(_compile_whole, source, constants, method, sizes, width, names))
-            for what, width, names in ((everything, lanes, IN_LANES), (alone, 1, own))
-        ]
-        functions, addresses, engine = _entered(codes, (*IN_LANES, *own))
-        return Compiled(functions, addresses, sizes, _sized(sizes), engine, lanes)
+    everything = source, sorted(constants.items()), method
+
+    def whole(what: object, width: int, names: tuple[str, ...]) -> bytes:
+        make = partial(_compile_whole, source, constants, method, sizes, width, names)
+        return kept_code((*everything, what), make)
+
     tables = _tables(constants)
     kinds = [(name, any(isinstance(v, float) for v in values)) for name, values in sorted(tables.items())]
     shape = sorted(_shape(constants, sizes))
     made_for = sorted((k, v) for k, v in constants.items() if k not in tables and k not in shape)
 
     def codes_of(parts: Sequence[Part]) -> list[bytes]:
-        system = kept_code(everything, lambda: _compile_system(source, constants, method, sizes))
+        system = kept_code((*everything, 1), lambda: _compile_system(source, constants, method, sizes))
         return [system] + [
             kept_code(
                 (made_for, shape, kinds, method, part.files),
@@ -296,6 +300,14 @@ def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: i
         return functions[name], engine
 
     parts = linked(constants)
+    if lanes > 1:
+        beside = tuple(Entries.places)
+        # The loop beside the lanes is compiled for one trajectory, with its own vector width.
+        used = (*parts, *filter(None, [asked_for("launch")]))
+        loop = [whole("alone", 1, beside)] if own_loop else codes_of(used)
+        codes = [whole(lanes, lanes, IN_LANES), *loop]
+        functions, addresses, engine = _entered(codes, (*IN_LANES, *beside))
+        return Compiled(functions, addresses, sizes, _sized(sizes), engine, lanes)
     names = [*OF_SYSTEM, *(name for part in parts for name in part.entries)]
     functions, addresses, engine = _entered(codes_of(parts), names)
     return Compiled(_Asked(functions, ask), addresses, sizes, _sized(sizes), engine)

@@ -49,6 +49,8 @@ _LOOKED_AT = 32
 _MOST_TAKEN, _PARTS = 64, 32
 # Rows of a batch that keeps its scratch, those of one that waits for the next of its kind, and how many wait.
 FEW, _SMALL, _MOST_WAITING = 16, 1024, 16
+# How many rows repay the compilation of a plain loop beside the lanes that is made for the system.
+OWN_LOOP = 256
 UNFINISHED = -1
 # Lanes of trajectories that do not slide, and of those that do.
 _GROUPS = 2
@@ -63,9 +65,9 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def lane_unit(machine: Machine, method: str, lanes: int) -> Compiled:
-    """The machine's system and method compiled for several trajectories side by side."""
-    return build(machine.source, machine.constants, method, lanes)
+def lane_unit(machine: Machine, method: str, lanes: int, own_loop: bool) -> Compiled:
+    """The machine's system and method compiled for several trajectories side by side; see `build`."""
+    return build(machine.source, machine.constants, method, lanes, own_loop)
 
 
 class Batch:
