@@ -16,13 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from filippov import ModelError, Parameter, Stop, System, parameters, solve_many, states
+from filippov import ModelError, Parameter, Stop, System, parameters, states
 from filippov.base.arrays import Array
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic
 from filippov.models.registry import Model, SectionData, register
+from filippov.solving.uncut import solve_many
 
 LAW = Hyperbolic(Fs=1, gamma=3)
 ENTRIES = (Stop("block 1", "sliding entry"), Stop("block 2", "sliding entry"))

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov import Solution, SolveError, UsageError, solve
+from filippov import Solution, SolveError, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.growth import by_multipliers
 from filippov.analysis.bifurcations.branch import LOCATED, BranchPoint
@@ -39,6 +39,7 @@ from filippov.analysis.bifurcations.tangency import Tangency, nearest, tangencie
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.base.arrays import Array, Complex
+from filippov.solving.uncut import solve
 
 Form = tuple[dict[str, float], str]
 TOUCHED = ("grazing-sliding", "C-bifurcation", "grazing")

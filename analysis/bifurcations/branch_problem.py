@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.optimize import brentq
 
-from filippov import EventKind, Solution, Status, System, UsageError, solve
+from filippov import EventKind, Solution, Status, System, UsageError
 from filippov.analysis.algebra.growth import ACCURACY, by_multipliers
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.reset_sides import reset_sides
@@ -30,6 +30,7 @@ from filippov.base.arrays import Array, Complex
 from filippov.base.changed import changed
 from filippov.base.names import unknown
 from filippov.graphs.word import word_of
+from filippov.solving.uncut import solve
 
 # A cycle this much smaller than at the start is taken to shrink into the equilibrium set.
 _SHRUNK = 1e-5

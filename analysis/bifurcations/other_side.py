@@ -14,7 +14,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from filippov import UsageError, solve
+from filippov import UsageError
 from filippov.analysis.bifurcations.border_normal_form import TOUCHED, grazed_surface
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.branch_problem import OrbitProblem
@@ -24,6 +24,7 @@ from filippov.analysis.bifurcations.tangency import nearest, tangencies
 from filippov.analysis.orbits.time_limit import time_left
 from filippov.analysis.sensitivity.variation import signs_at
 from filippov.base.arrays import Array
+from filippov.solving.uncut import solve
 
 # Distances from the end of a branch at which the other one is looked for, and those at which its derivatives
 # are read: the depth of an impact goes as the square of the distance. A point found is no farther than this.

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov import Solution, Status, Stop, System, UsageError, solve, solve_many
+from filippov import Solution, Status, Stop, System, UsageError
 from filippov.analysis.comparisons.band_model import BandModel, Reader, Stay
 from filippov.analysis.comparisons.solution_events import EventReader
 from filippov.analysis.maps.event_map import EventMap
@@ -18,6 +18,7 @@ from filippov.analysis.maps.gap_roots import fixed_point_near
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
 from filippov.solving.state.options import check_state
+from filippov.solving.uncut import solve, solve_many
 
 Position = Callable[[float, Any, Any], float]
 TIGHT = 3e-14

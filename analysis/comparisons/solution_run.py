@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov import ModelError, Solution, Status, System, UsageError, solve
+from filippov import ModelError, Solution, Status, System, UsageError
 from filippov.analysis.comparisons.approximation import Approximation
 from filippov.analysis.comparisons.solution_ending import Ending, ending
 from filippov.analysis.comparisons.solution_events import EventReader, Read
@@ -17,6 +17,7 @@ from filippov.analysis.comparisons.solution_faults import Seen
 from filippov.analysis.comparisons.solution_gaps import largest_gap
 from filippov.base.arrays import Array
 from filippov.solving.state.options import check_state
+from filippov.solving.uncut import solve
 from filippov.sweep.measure import Function, read_measures
 
 GRID, TAIL, TIGHT = 2001, 0.25, 3e-14

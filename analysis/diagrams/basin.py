@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov import Problem, Status, Sweep, System, UsageError, solve_many
+from filippov import Problem, Status, Sweep, System, UsageError
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.first_return import MOST_STEPS
 from filippov.analysis.maps.map_units import map_units
@@ -25,6 +25,7 @@ from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Told
 from filippov.plot.style import axis_labels, coordinate_labels
+from filippov.solving.uncut import solve_many
 
 CHUNK = 20_000
 UNKNOWN, OUTSIDE, LOST = -1, -2, -3

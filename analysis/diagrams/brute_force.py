@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov import System, UsageError, solve
+from filippov import System, UsageError
 from filippov.analysis.maps.find_section import find_section
 from filippov.analysis.maps.map_rows import MapRows
 from filippov.analysis.maps.returns import Returns, coordinate_of, returns
@@ -22,6 +22,7 @@ from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Told
 from filippov.plot.style import axis_label, coordinate_labels
+from filippov.solving.uncut import solve
 
 REST = 1e-8
 # What a coordinate may be wrong by, in units of rtol of its size.

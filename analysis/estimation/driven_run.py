@@ -20,6 +20,7 @@ import numpy as np
 from filippov.base.arrays import Array, Whole
 from filippov.model.system import System
 from filippov.solving.ensemble import Prepared
+from filippov.solving.uncut import whole
 
 TERMS = ("force", "change", "bend", "twist")
 INPUT = (*TERMS, "interval")
@@ -115,7 +116,7 @@ class DrivenRun:
             rows = values[at]
             rows[:, self.inputs[:4]] = [windows[w].terms[j] for w in at]
             rows[:, self.inputs[4]] = [windows[w].length[j] for w in at]
-            got = self.run.run(states[at, j], rows)
+            got = whole(self.run.run(states[at, j], rows))
             good = got.success
             states[at[good], j + 1] = got.x[good]
             alive[at[~good]] = False
@@ -178,7 +179,7 @@ class DrivenRun:
         values = np.tile(self.base, (len(states), 1))
         values[:, self.places] = theta
         values[:, self.inputs] = np.column_stack((terms, length))
-        got = self.run.run(states, values)
+        got = whole(self.run.run(states, values))
         return np.where(got.success[:, None], got.x, states)
 
     def _steps(self, theta: Array) -> Array:
@@ -205,7 +206,7 @@ class DrivenRun:
                         values[c, :, columns[q - n]] = np.maximum(
                             values[c, :, columns[q - n]], self.low[q - n]
                         )
-        got = self.run.run(rows.reshape(-1, n), values.reshape(copies * count, -1))
+        got = whole(self.run.run(rows.reshape(-1, n), values.reshape(copies * count, -1)))
         ends = got.x.reshape(copies, count, n)
         bad = ~got.success.reshape(copies, count)
         ends[bad] = np.broadcast_to(ends[-1], ends.shape)[bad]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from filippov import SolveError, UsageError, solve
+from filippov import SolveError, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.invariant_sets.attractor import Attractor, AttractorKind, curve_of
 from filippov.analysis.invariant_sets.recurrence import Grid
@@ -18,6 +18,7 @@ from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.lyapunov import lyapunov
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.base.arrays import Array
+from filippov.solving.uncut import solve
 
 # Iterates that are looked at; longest period of the map that is searched; iterates kept of a chaotic
 # attractor.

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov import Solution, System, UsageError, solve
+from filippov import Solution, System, UsageError
 from filippov.analysis.invariant_sets.manifold_of_map import Growth, grow
 from filippov.analysis.invariant_sets.return_map import ReturnMap
 from filippov.analysis.maps.section import Section
@@ -27,6 +27,7 @@ from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
 from filippov.base.shown import Told
 from filippov.base.status import Status, mode_text
+from filippov.solving.uncut import solve
 
 OFFSET = 1e-6
 INSIDE, CHUNKS, DOUBLED = 8, 400, 6

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov import Solution, SolveError, Status, UsageError, solve
+from filippov import Solution, SolveError, Status, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit import Orbit
@@ -17,6 +17,7 @@ from filippov.analysis.orbits.shooting import onto_surfaces
 from filippov.analysis.sensitivity.saltation import flow_derivative, onto_section
 from filippov.base.arrays import Array
 from filippov.solving.ensemble import Prepared
+from filippov.solving.uncut import solve, whole
 
 STEPS, RETURNS, SAME = 200_000, 64, 1e-6
 
@@ -109,7 +110,7 @@ class ReturnMap:
                 rows = np.flatnonzero(np.all(np.isfinite(out), axis=1))
                 if not rows.size:
                     break
-                ends = prepared.run(out[rows], np.tile(self.p, (rows.size, 1)))
+                ends = whole(prepared.run(out[rows], np.tile(self.p, (rows.size, 1))))
                 good = np.array([status is wanted for status in ends.status])
                 for status in (s for s, fine in zip(ends.status, good, strict=True) if not fine):
                     self.reasons[status.value] = self.reasons.get(status.value, 0) + 1

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from filippov import Status, System, UsageError, solve
+from filippov import Status, System, UsageError
 from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.shooting import resolved
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
@@ -22,6 +22,7 @@ from filippov.analysis.steady.forcing import Period, is_forced
 from filippov.base.arrays import Array
 from filippov.base.changed import changed
 from filippov.solving.ensemble import Ensemble, Prepared
+from filippov.solving.uncut import solve, whole
 
 Kind = Literal["strobe", "step", "section"]
 STEPS = 200_000
@@ -160,8 +161,9 @@ class StateMap:
         """How solutions from these states end; equal states, as of those at rest, are solved once."""
         unlike, place = np.unique(states, axis=0, return_inverse=True)
         if len(unlike) == len(states):
-            return prepared.run(states, np.tile(self.p, (len(states), 1)))
-        ends, place = prepared.run(unlike, np.tile(self.p, (len(unlike), 1))), place.reshape(-1)
+            return whole(prepared.run(states, np.tile(self.p, (len(states), 1))))
+        ends = whole(prepared.run(unlike, np.tile(self.p, (len(unlike), 1))))
+        place = place.reshape(-1)
         each: dict[str, Any] = {name: getattr(ends, name)[place] for name in _ROWS}
         each |= {name: tuple(getattr(ends, name)[k] for k in place) for name in ("status", "message")}
         return replace(ends, **each)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from filippov import SolveError, UsageError, solve
+from filippov import SolveError, UsageError
 from filippov.analysis.invariant_sets.attractor import Attractor, samples_of
 from filippov.analysis.invariant_sets.state_map import StateMap
 from filippov.analysis.maps.find_section import find_section
 from filippov.analysis.maps.returns import returns
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.base.arrays import Array
+from filippov.solving.uncut import solve
 
 # Returns that are looked at; the longest period; parts of the sizes that repeat; displacement of the states
 # that have to come back to half of it.

@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from filippov import Solution, Status, System, UsageError, solve
+from filippov import Solution, Status, System, UsageError
 from filippov.analysis.maps.first_return import MOST_STEPS, first_return, first_returns
 from filippov.analysis.maps.map_units import level, map_units
 from filippov.analysis.maps.missed import missed
@@ -24,6 +24,7 @@ from filippov.base.names import Answering
 from filippov.base.shown import Shown
 from filippov.solving.ensemble import Prepared
 from filippov.solving.state.option_types import Tolerance
+from filippov.solving.uncut import solve
 
 
 class EventMap(Shown, Answering):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov import EventKind, System, UsageError, solve
+from filippov import EventKind, System, UsageError
 from filippov.analysis.maps.returns import after, is_still, returns
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
@@ -17,6 +17,7 @@ from filippov.base.given import Positive
 from filippov.base.keywords import keywords
 from filippov.solving.state.events import Event
 from filippov.solving.state.options import check_state
+from filippov.solving.uncut import solve
 
 # Lengths of the solutions that are looked at, one after the other until something recurs; most events and
 # steps of one.

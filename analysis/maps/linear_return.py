@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy
 
-from filippov import System, solve
+from filippov import System
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.drift_map import first_zero
@@ -27,6 +27,7 @@ from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.linearisation import linearise
 from filippov.base.arrays import Array
 from filippov.base.status import mode_text
+from filippov.solving.uncut import solve
 
 if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ScalarMap

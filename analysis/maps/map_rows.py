@@ -13,6 +13,7 @@ from filippov.analysis.maps.map_units import units_at
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
 from filippov.solving.ensemble import Prepared
+from filippov.solving.uncut import whole
 
 
 class MapRows:
@@ -78,7 +79,7 @@ class MapRows:
             if self._prepared is None:
                 span, stop = (0.0, self.section.t_max), self.section.stop
                 self._prepared = Prepared(self.system, span, stop=stop, max_steps=MOST_STEPS, **self.options)
-            ends = self._prepared.run(start, rows)
+            ends = whole(self._prepared.run(start, rows))
             x, ended = ends.x, list(ends.status)
             resting = np.any(ends.mode[:, self.bound.surfaces] == 0, axis=1)
         back = np.array([status is Status.STOPPED for status in ended])

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov import Solution, Status, System, UsageError, solve
+from filippov import Solution, Status, System, UsageError
 from filippov.analysis.maps.coordinate import Coordinate
 from filippov.analysis.maps.first_return import MOST_STEPS
 from filippov.analysis.maps.missed import missed
@@ -23,6 +23,7 @@ from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
 from filippov.solving.state.events import Event
 from filippov.solving.state.options import check_state
+from filippov.solving.uncut import solve
 
 # Times the solution is run again for twice the events, where some lead into other modes than are wanted.
 _LONGER = 8

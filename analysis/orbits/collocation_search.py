@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov import Solution, SolveError, Status, solve
+from filippov import Solution, SolveError, Status
 from filippov.analysis.orbits.arcs import WordError
 from filippov.analysis.orbits.orbit import Orbit, make_orbit
 from filippov.analysis.orbits.orbit_collocation import (
@@ -23,6 +23,7 @@ from filippov.analysis.orbits.shooting import NoConvergenceError, Shooting, onto
 from filippov.analysis.steady.forcing import Period
 from filippov.base.arrays import Array
 from filippov.solving.state.events import Mode
+from filippov.solving.uncut import solve
 
 # How many sequences of modes are tried, and how many states of what was found make up another guess.
 _WORDS, _STATES = 4, 24

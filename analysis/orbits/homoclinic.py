@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov import Solution, SolveError, System, UsageError, solve
+from filippov import Solution, SolveError, System, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.arcs import Arc, arcs_of
 from filippov.analysis.orbits.collocation import Boundary, BoundaryProblem, Mesh, solved
@@ -44,6 +44,7 @@ from filippov.base.status import Status, mode_text
 from filippov.graphs.word import word_of
 from filippov.solving.state.events import Mode
 from filippov.solving.state.options import check_state
+from filippov.solving.uncut import solve
 
 # Distance from the saddle at which the orbit is cut, in units of its size; the factor from one distance to
 # the next, far from the saddle and near to it, where its linear part says enough; points of the way there.

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from filippov import Solution, SolveError, System, UsageError, solve
+from filippov import Solution, SolveError, System, UsageError
 from filippov.analysis.algebra.growth import ACCURACY, Growth, by_multipliers
 from filippov.analysis.orbits.floquet import product_multipliers, return_factors, without_trivial
 from filippov.analysis.orbits.margin import Margin, margin
@@ -27,6 +27,7 @@ from filippov.base.status import EventKind, Status, mode_text
 from filippov.graphs.word import word_of
 from filippov.io.stored_system import system_data, system_of
 from filippov.solving.state.events import Event, Mode
+from filippov.solving.uncut import solve
 
 FORMAT, VERSION = "filippov orbit", 1
 # A symmetric orbit satisfies x(t + T/2) = -x(t) to this part of its size.

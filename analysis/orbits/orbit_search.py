@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov import Solution, SolveError, Status, System, UsageError, solve
+from filippov import Solution, SolveError, Status, System, UsageError
 from filippov.analysis.orbits.collocation_search import CollocationSearch, collocated_from
 from filippov.analysis.orbits.no_derivative import with_cure
 from filippov.analysis.orbits.orbit import Orbit, make_orbit
@@ -34,6 +34,7 @@ from filippov.base.keywords import keywords
 from filippov.solving.state.events import Mode
 from filippov.solving.state.option_types import Tolerance
 from filippov.solving.state.options import check_state
+from filippov.solving.uncut import solve
 
 _SPANS = 12
 # Periods of a forced solution after which its best returns are tried, and how many of them.
@@ -375,8 +376,7 @@ class _Search:
     def _shot(self, solution: Solution, period: float, nodes: int = 0) -> Orbit:
         """Solve the equations with nodes laid along a solution over about one period."""
         shifted, length = self._laid(solution, period), period / self.base.symmetry_order
-        count = nodes or self.nodes
-        sol = shifted.sol
+        count, sol = nodes or self.nodes, shifted.sol
         assert sol is not None
         begin = shifted.problem.t_span[0]
         places = begin + length * np.arange(count) / count

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov import ModelError, Solution, SolveError, Status, System, UsageError, solve
+from filippov import ModelError, Solution, SolveError, Status, System, UsageError
 from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.oddness import repeats
 from filippov.analysis.orbits.time_limit import check_time, time_left
@@ -27,6 +27,7 @@ from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import Period, is_forced
 from filippov.base.arrays import Array
 from filippov.solving.state.events import Mode
+from filippov.solving.uncut import solve
 
 MOST_STEPS = 2_000_000
 # Parts of a forced period that are tried, each repeatedly; how near to itself the orbit then is, in parts of

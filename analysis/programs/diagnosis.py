@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy
 
-from filippov import ModelError, Solution, System, UsageError, solve
+from filippov import ModelError, Solution, System, UsageError
 from filippov.analysis.programs.agreement import FEWEST, Numbers, disagreement
 from filippov.analysis.programs.bands import band_of, without_bands, without_equalities
 from filippov.analysis.programs.corners import continuous, jumped
@@ -36,6 +36,7 @@ from filippov.base.names import Answering
 from filippov.base.shown import Shown, plain_data
 from filippov.base.status import Status, mode_text
 from filippov.model.parameter_symbol import ParameterSymbol
+from filippov.solving.uncut import solve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

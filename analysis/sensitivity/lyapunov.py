@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov import System, UsageError, solve
+from filippov import System, UsageError
 from filippov.analysis.sensitivity.carried_basis import CarriedBasis
 from filippov.base.arrays import Array
 from filippov.base.given import NonNegative, Positive
@@ -22,6 +22,7 @@ from filippov.base.keywords import keywords
 from filippov.base.shown import Told
 from filippov.plot.style import time_unit
 from filippov.solving.state.options import Options, check_state
+from filippov.solving.uncut import solve
 
 BLOCKS = 8
 # Intervals that are solved at once: so many steps of the solver, and no more of them than this.
@@ -131,6 +132,8 @@ def lyapunov(
             assert run.sol is not None
             x, count = run.x_end, max(1, min(_MOST, _STEPS * count // len(run.sol.start)))
     except KeyboardInterrupt:
+        if not logs:
+            raise
         message, interrupted = f"interrupted at t = {t:.9g}", True
     if carried.unresolved:
         much = f"{carried.unresolved} times a direction shrinks faster than is resolved"

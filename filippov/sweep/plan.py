@@ -238,7 +238,7 @@ class Sweep:
         """The measures, with the names of what functions return found by a trial at the template."""
         if not any(isinstance(measure, Function) for measure in measures):
             return measures
-        from filippov.solving.solver import solve
+        from filippov.solving.uncut import solve
 
         solution = solve(self.problem, stop=self.stop, **self.options)
         out: list[Measure | Function] = []

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov import SolveError, UsageError, solve
+from filippov import SolveError, UsageError
 from filippov.analysis import EventMap, bifurcation, find_orbit, stability_report
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
@@ -25,6 +25,7 @@ from filippov.base.arrays import Array
 from filippov.graphs import mode_word, observed_graph
 from filippov.models.studies import Study, StudyCase
 from filippov.solving.state.machine import Machine
+from filippov.solving.uncut import solve
 
 # The ends of the stages, as fractions of a case.
 ENDS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.6, 0.7, 1.0)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from filippov import SolveError, solve
+from filippov import SolveError
 from filippov.analysis import EventMap, Record, Section, find_orbit
 from filippov.analysis import gain_map as ratio_map
 from filippov.analysis.estimation.identification import Identified, identify
@@ -22,6 +22,7 @@ from filippov.models import registry
 from filippov.models.studies import Law, Study
 from filippov.plot import plot_describing_function, plot_identification
 from filippov.plot import plot_gain_maps as plot_ratio_maps
+from filippov.solving.uncut import solve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

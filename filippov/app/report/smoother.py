@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from filippov import Solution, SolveError, solve
+from filippov import Solution, SolveError
 from filippov.analysis import Orbit, find_orbit
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
@@ -19,6 +19,7 @@ from filippov.app.report.part import NONE, Chapter, Picture, TextTable, first, n
 from filippov.models.studies import Study
 from filippov.plot.branch import draw_line
 from filippov.plot.style import GREY, INK, SERIES, new_figure, style
+from filippov.solving.uncut import solve
 
 SAID = {"unstable": "repels", "undecided": "undecided"}
 
