@@ -388,3 +388,17 @@ def test_14_6_slides_that_begin_next_to_an_end_of_their_set_are_decided_where_ev
     exact = c + np.where((k > 0) & (left > 0), k * left**2 / 2, 0.0)
     np.testing.assert_allclose(many.x[:, 1], exact, atol=1e-9)
     assert all(problem.parameters["e"] < 1e-8 or problem.parameters["k"] > 0 for problem in asked)
+
+
+@pytest.mark.parametrize("sizes", [(0.9, 1.2), (2.0, 3.0)])
+def test_solutions_that_escape_in_finite_time_end_in_lanes(sizes: tuple[float, float]) -> None:
+    """x' = x**2: at t = 1/x0, after as many steps as in the plain loop, not as many as the budget has."""
+    x, v = states("x v")
+    system = System({x: x**2 + 0 * v, v: sign(x - 1e3)})
+    states_0 = np.column_stack([np.linspace(*sizes, 64), np.zeros(64)])
+    ends = solve_many(system, states_0, (0, 40), lanes=8, threads=1)
+    alone = solve_many(system, states_0, (0, 40), lanes=1, threads=1)
+    assert ends.lanes == 8
+    assert set(ends.status) == {Status.MIN_STEP}
+    assert ends.t == pytest.approx(1 / states_0[:, 0], abs=1e-8)
+    assert ends.nfev.max() < 1.2 * alone.nfev.max()

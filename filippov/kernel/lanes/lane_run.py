@@ -50,8 +50,12 @@ def drive(fresh: bool, entries: Entries, run: Trajectory) -> int:
         opened = call_at(entries.open_segment, run)
         if opened >= 0:
             return opened
-        if opened == GO_ON and settled(run.clock, run.m, run.order):
-            return -1
+        if opened == GO_ON:
+            # Its step is known from here on, however short: one that is stuck would begin again with a first
+            # step, until its budget is used up.
+            run.count.cut = 1
+            if settled(run.clock, run.m, run.order):
+                return -1
 
 
 @kernel
@@ -116,6 +120,7 @@ def recall(
     place = place_of(group, rows[WAITING_AT + group])
     take_up_row(rows[place], pasts, batch, run)
     call_at(entries.open_segment, run)
+    run.count.cut = 1
     for i in range(M):
         run.w.grazed[i] = 1.0 if rows[place + 1 + i] != 0 else 0.0
 
