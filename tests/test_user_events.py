@@ -272,3 +272,27 @@ def test_a_pole_of_an_event_moves_no_state(event: str, backend: str) -> None:
     assert run["x"] == pytest.approx(run.t - run.t**2 / 2, abs=1e-9)
     if event == "1/y - 3":
         assert [float(e.t) for e in run.events if str(e.kind) == "user event"] == pytest.approx([2 / 3])
+
+
+@pytest.mark.parametrize("seed", [10, 16, 56])
+def test_functions_that_stay_zero_while_masses_stick(seed: int) -> None:
+    """Whatever is left of 0 in a velocity that is held; and functions that overflow far away."""
+    v, u = states("v u")
+    r = np.random.default_rng(seed)
+    friction, force, omega = r.uniform(0.2, 0.6), r.uniform(0.5, 1.5), r.uniform(0.3, 1.5)
+    push = force * sympy.cos(omega * t)
+    system = System({x: v, v: -x - friction * sign(v) + push, y: u, u: -y - friction * sign(u - v)})
+    alone = solve(system, (1, 0.3, 0.2, -0.5), (0, 12))
+    times = np.linspace(0, 12, 4001)
+    for g in (
+        lambda t, z: math.sin(z[1]),
+        lambda t, z: z[1] * math.cos(t),
+        lambda t, z: math.tanh(z[3] - z[1]),
+        lambda t, z: math.expm1(z[1]) * z[0],
+    ):
+        run = solve(system, (1, 0.3, 0.2, -0.5), (0, 12), events=[g])
+        assert run.success
+        assert run.x_end == pytest.approx(alone.x_end, abs=1e-7)
+        values = np.array([g(q, z) for q, z in zip(times, alone.sol(times).T, strict=True)])
+        clear = values[np.abs(values) > 1e-9]
+        assert len(run.t_events[-1]) >= np.sum(clear[1:] * clear[:-1] < 0)

@@ -99,9 +99,16 @@ def leading_term(
     whole, the side of the guard on the shortest step decides, and how it grows.
     """
     ends: list[float] = []
+    failed: list[Exception] = []
 
     def follow(step: float) -> tuple[int, float] | None:
-        code, _, _, rows = point.probe(step, mode, lam)
+        try:
+            # No solution comes as far as a long trial step: a function of the user may have no value there.
+            with np.errstate(all="ignore"):
+                code, _, _, rows = point.probe(step, mode, lam)
+        except (ArithmeticError, ValueError) as error:
+            failed.append(error)
+            return -1, 0.0
         if code != 0:
             return None
         values = pick(rows)
@@ -129,6 +136,8 @@ def leading_term(
         if len(ends) > 1 and ends[-1] * ends[-2] > 0.0:
             order = round(float(np.log(ends[-2] / ends[-1]) / np.log(SHORTER)))
             return min(max(order, 1), NODES - 2), float(np.sign(ends[-1]))
+        if failed and not found:
+            raise failed[-1]
         return (found[-1][0], float(np.sign(found[-1][1]))) if found else None
     last = found[0] if found else term
     for q in range(1, TRIALS):
