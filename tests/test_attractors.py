@@ -14,6 +14,7 @@ from filippov import Surface, System, TimeEvent, UsageError, parameters, sign, s
 from filippov.analysis.diagrams.basin import basin
 from filippov.analysis.invariant_sets.attractors import Attractors, attractors
 from filippov.analysis.invariant_sets.identify_attractor import Identifier
+from filippov.analysis.invariant_sets.state_map import StateMap
 from filippov.analysis.maps.section import Section
 from filippov.app.cli.main import main
 from filippov.model.symbols import cos
@@ -319,3 +320,39 @@ def test_all_states_go_to_where_twisting_comes_to_rest(damping: float) -> None:
     assert [one.kind for one in found.attractors] == ["equilibrium"]
     assert found.attractors[0].states[0] == pytest.approx([0, 0], abs=1e-12)
     assert np.all(found.label == 0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_directions_off_a_slide_have_the_multiplier_zero(seed: int) -> None:
+    """x' = A x - b sign(c x): on the surface the flow is exp(P A T), P = I - b c/(c b), in any units."""
+    rng = np.random.default_rng([17, seed])
+    unit, duration = 10.0 ** rng.integers(-4, 5, 3), 0.7
+    a, c, b = rng.normal(size=(3, 3)), rng.normal(size=3), rng.normal(size=3)
+    b *= np.sign(c @ b)
+    q = states("q0 q1 q2")
+    side = sign(sum(float(k) * x for k, x in zip(c / unit, q, strict=True)))
+    inner = a * unit[:, None] / unit
+    push = b * unit
+    rows = [sum(float(w) * x for w, x in zip(row, q, strict=True)) for row in inner]
+    system = System({q[i]: rows[i] - float(push[i]) * side for i in range(3)})
+    got = np.linalg.eigvals(StateMap(system, step=duration).derivative(np.zeros(3), unit))
+    along = (np.eye(3) - np.outer(b, c) / (c @ b)) @ a
+    rates = sorted(np.linalg.eigvals(along), key=abs)[1:]
+    want = np.append(np.exp(np.array(rates) * duration), 0.0)
+    assert np.max(np.min(np.abs(got[:, None] - want), axis=1)) < 1e-7 * np.max(np.abs(want))
+    assert np.min(np.abs(got)) < 1e-12
+
+
+def test_equilibria_that_slide_or_rest_are_stable_by_their_multipliers() -> None:
+    """A ball on the floor beside z' = -z: its two directions are lost, exp(-T) is left. A relay likewise."""
+    ball = System({X: V, V: -1 - 0.1 * V, Y: -Y},
+                  surfaces=[Surface("floor", X, reset={V: -0.5 * V})])  # fmt: skip
+    for system, zeros in ((ball, 2), (System({X: -2 * sign(X) + Y, Y: -Y}), 1)):
+        box = {"x": (0.1, 1), "v": (-1, 1), "y": (-1, 1)}
+        got = attractors(system, {name: box[name] for name in system.states}, samples=10)
+        (one,) = got.attractors
+        assert one.kind == "equilibrium"
+        assert one.stable is True
+        assert one.multipliers[0] == pytest.approx(np.exp(-got.duration), abs=1e-9)
+        np.testing.assert_allclose(one.multipliers[1:], 0.0, atol=1e-12)
+        assert len(one.multipliers) == 1 + zeros

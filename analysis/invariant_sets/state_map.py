@@ -14,10 +14,12 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from filippov import Status, System, UsageError
+from filippov import Solution, Status, System, UsageError
+from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.shooting import resolved
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
+from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import Period, is_forced
 from filippov.base.arrays import Array
 from filippov.base.changed import changed
@@ -36,6 +38,11 @@ MOST, LEAST, GAIN, FURTHER = 0.3, 1e-4, 1.5, 256
 NOISE = 10.0
 # Of an ensemble, what has a row for each trajectory.
 _ROWS = ("t", "x", "mode", "nfev", "counts", "last")
+# Of differences, in parts of the sizes; part of a displacement off a slide that may be left where it is lost;
+# singular value of unit normals that belongs to equal ones.
+REACH, LOST, SAME = 1e-5, 1e-2, 1e-9
+# Shares of the map's time at which it is looked for.
+SOON = (0.02, 0.2, 1.0)
 # How often the step is chosen anew, after so many steps.
 ROUNDS, SETTLED = 3, 20
 
@@ -183,16 +190,69 @@ class StateMap:
         return kept
 
     def derivative(self, x: Array, size: Array) -> Array:
-        """dPhi/dx over the map's time at x, (n, n): exact through events; by differences where that fails."""
+        """dPhi/dx over the map's time at x, (n, n): exact through events; by differences where that fails.
+
+        Of a state that slides, directions off the surfaces are lost where states beside it come back.
+        """
         run = solve(
             self.system, x, (self.t0, self.t0 + self.duration), parameters=self.parameters, rtol=1e-11,
             atol=1e-13, zeno="continue", nonunique="stick",
         )  # fmt: skip
         try:
             if run.success:
-                return np.asarray(flow_derivative(run))
+                matrix = np.asarray(flow_derivative(run))
+                return matrix if 0 not in run.start_mode else self._off_slides(run, matrix, size)
         except NotDifferentiableError:
             pass
-        reach = 1e-5 * np.diag(size)
+        reach = REACH * np.diag(size)
         ends = self.over(np.vstack([x + reach, x - reach]), self.duration).x
-        return np.asarray(((ends[: len(x)] - ends[len(x) :]) / (2e-5 * size[:, None])).T)
+        return np.asarray(((ends[: len(x)] - ends[len(x) :]) / (2 * REACH * size[:, None])).T)
+
+    def _off_slides(self, run: Solution, matrix: Array, size: Array) -> Array:
+        """The derivative of states beside a slide from that along it: (n, n).
+
+        States beside it come to it: what they were off it is lost. Where they do not, by differences.
+        """
+        x = run.problem.x0
+        field = mode_field(self.system, run.start_mode)
+        here = np.array([self.t0]), x[None, :]
+        signs = field.multipliers(*here, self.p)
+        held = [i for i, sign in enumerate(run.start_mode) if sign == 0]
+        # A contact that rests holds h besides h', which stands in its place where it rests.
+        beside = mode_field(self.system, tuple(sign or 1 for sign in run.start_mode))
+        slopes = np.vstack([
+            field.part("heldy", *here, signs, self.p)[0, :, : len(x)],
+            beside.part("hy", *here, signs, self.p)[0, held, : len(x)],
+        ])  # fmt: skip
+        slopes = slopes * size
+        slopes /= np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-300)
+        along = np.asarray(linalg.null_space(slopes, rcond=SAME))
+        off = np.asarray(linalg.null_space(along.T)) if along.size else np.eye(len(x))
+        kept = matrix * size / size[:, None] @ along @ along.T
+        step = REACH * size * off.T
+        starts = np.vstack([x + step, x - step])
+        ahead = self._ahead_of_stops(starts)
+        gone = np.zeros_like(starts)
+        assert run.sol is not None
+        # Early as well: what is unstable along the surfaces may leave them in the end.
+        for share in SOON if ahead.any() else ():
+            arrived = self.over(starts[ahead], share * self.duration).x
+            gone[ahead] = (arrived - run.sol(self.t0 + share * self.duration)) / size
+            if np.max(np.abs(gone @ off)) <= LOST * REACH:
+                break
+        else:
+            first, second = np.split(gone, 2)
+            sides = np.maximum(np.sum(np.split(ahead, 2), axis=0), 1)
+            kept += (first - second).T / (REACH * sides) @ off.T
+        return np.asarray(kept * size[:, None] / size)
+
+    def _ahead_of_stops(self, states: Array) -> npt.NDArray[np.bool_]:
+        """Which states (k, n) are not behind a surface with a reset that has one side."""
+        signs = np.ones((len(states), len(self.system.surfaces)))
+        field = mode_field(self.system, (1,) * signs.shape[1])
+        h = field.part("h", np.full(len(states), self.t0), states, signs, self.p)[:, :, 0]
+        ahead = np.ones(len(states), dtype=bool)
+        for i, surface in enumerate(self.system.surfaces):
+            if surface.reset is not None and surface.side != "both":
+                ahead &= h[:, i] >= 0.0 if surface.side == "+" else h[:, i] <= 0.0
+        return ahead
