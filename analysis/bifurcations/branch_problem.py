@@ -41,7 +41,7 @@ _SMALL, _LONGEST_STEP, _STILL = 0.05, 0.3, 0.1
 # many times the least coordinate that rounding leaves.
 # Where the slope at the set is farther than this from 1, in its logarithm, the cycle does not join it.
 _JOINS, _SLACK, _FAR = 1e-3, 100.0, 0.1
-# An event this near to the initial state of a forced orbit, relative to its duration, moves that state.
+# An event this near to the initial state of an orbit, relative to its duration, moves that state.
 _CLOSE = 0.03
 # The number of cached jets of a map: a curve needs those of neighbours, and again with another border.
 _KEPT = 64
@@ -253,6 +253,8 @@ class OrbitProblem:
         self.base = orbit.system.parameters.resolve(dict(orbit.parameters))
         self.index = orbit.system.parameters.index(parameter)
         self.start = orbit.unknowns
+        # Of an autonomous orbit, in periods from the state at which the branch began.
+        self.shift = 0.0
         parts = [np.tile(_sizes(orbit), len(self.shooting.shares))]
         if self.shooting.period is None:
             parts.append(np.array([orbit.period]))
@@ -274,6 +276,11 @@ class OrbitProblem:
         names = self.shooting.system.parameters.names
         values = dict(zip(names, self.base.tolist(), strict=True))
         return np.asarray(self.shooting.system.parameters.resolve({**values, self.parameter: value}))
+
+    @property
+    def phase(self) -> float:
+        """Of the first node in periods: of the forcing, or along the branch."""
+        return self.shift if self.shooting.period is None else self.shooting.phase
 
     def with_parameter(self, name: str, value: float) -> OrbitProblem:
         """The same at another value of another parameter."""
@@ -379,7 +386,7 @@ class OrbitProblem:
         word = _told(orbit.word, orbit.solutions, self.p(value))
         return BranchPoint(
             value, tuple(u.tolist()), data, tuple(complex(v) for v in orbit.multipliers), orbit.verdict,
-            word, orbit.modes, orbit.period, tests, orbit.residual, phase=self.shooting.phase,
+            word, orbit.modes, orbit.period, tests, orbit.residual, phase=self.phase,
         )  # fmt: skip
 
     def in_phase(self, u: Array, value: float, direction: Array) -> Array:
@@ -401,20 +408,23 @@ class OrbitProblem:
         return out
 
     def at_phase(self, phase: float) -> OrbitProblem:
-        """The same equations from another phase of the forcing, in periods, off the surfaces."""
+        """The same equations from another phase, in periods, off the surfaces."""
         shooting = self.shooting
-        if shooting.period is None or len(shooting.shares) != 1 or phase == shooting.phase:
+        if len(shooting.shares) != 1 or phase == self.phase:
             return self
+        if shooting.period is None:
+            return changed(self._shot(sliding=((),)), shift=phase)
         return self._shot(t0=phase * shooting.unit, sliding=((),))
 
     def rephased(self, u: Array, value: float) -> tuple[OrbitProblem, Array, Array] | None:
-        """The same forced orbit from a phase away from its events, where one comes near the state u.
+        """The same orbit from a phase away from its events, where one comes near the first state of u.
 
-        Returns the equations, the state there, and its derivatives by (u, parameter): (n, n + 1). None where
-        no event is near, there is no better phase, or the orbit is not forced or has several nodes.
+        Returns the equations, their unknowns there, and the derivatives of these by (u, parameter):
+        (size, size + 1). None where no event is near, there is no better phase, or the orbit has several
+        nodes.
         """
         shooting = self.shooting
-        if shooting.period is None or len(shooting.shares) != 1:
+        if len(shooting.shares) != 1:
             return None
         solution = self.solutions(u, value)[0]
         low, high = solution.problem.t_span
@@ -428,15 +438,21 @@ class OrbitProblem:
         width, t = max(free, default=(0.0, low))
         if width < 4 * _CLOSE * (high - low):
             return None
-        p, period = self.p(value), shooting.period(self.p(value))
+        n, p = shooting.n, self.p(value)
         part = solve(
-            shooting.system, u, (low, t), parameters=solution.problem.parameters, rtol=shooting.rtol,
+            shooting.system, u[:n], (low, t), parameters=solution.problem.parameters, rtol=shooting.rtol,
             atol=shooting.atol, method=shooting.method, max_time=time_left(), zeno="continue",
             nonunique="stick",
         )  # fmt: skip
         if part.status is not Status.SUCCESS:
             return None
-        n, by = shooting.n, derivative_by_all(part, False, self.names, shooting.jacobian)
+        by = derivative_by_all(part, False, self.names, shooting.jacobian)
+        if shooting.period is None:
+            carried = np.eye(n + 1, n + 2)
+            carried[:n, :n], carried[:n, n + 1] = by[:n, :n], by[:n, n]
+            whole = self.at_phase(self.shift + (t - low) / float(u[n]))
+            return whole, np.append(part.x_end, u[n]), carried
+        period = shooting.period(p)
         speed = velocity_at(shooting.system, part.end_mode, t, part.x_end, p, shooting.jacobian)
         moves = float(shooting.period.slope(p, self.names)[0])
         carried = by[:n, : n + 1].copy()

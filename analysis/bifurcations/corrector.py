@@ -57,7 +57,7 @@ class Along:
             towards = problem.in_phase(u, value, self.tangent * old.sizes) / old.sizes
         point = self.point
         if rephased is not None:
-            point = replace(point, u=tuple(u.tolist()), phase=problem.shooting.phase)
+            point = replace(point, u=tuple(u.tolist()), phase=problem.phase)
         return replace(self, corrector=corrector, z=z, tangent=corrector.tangent(z, towards), point=point)
 
     def turned(self) -> bool:

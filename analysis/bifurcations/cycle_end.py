@@ -27,7 +27,7 @@ SHRINKS = "cycle shrinks into an equilibrium"
 _OPPOSITE, _DOUBLINGS = -0.5, 14
 # In units of the orbit's size at the start: when an end is asked for, also where the modes change or not.
 _SMALL, _TINY = 0.5, 0.01
-_NEAR, _PART, _ITERATIONS = 4.0, 0.1, 12
+_NEAR, _PARTS, _ITERATIONS = 4.0, (0.1, 0.3), 12
 
 
 def cycle_end(a: Along, b: Along, bounds: tuple[float, float]) -> BranchPoint | None:
@@ -67,8 +67,15 @@ def _rest(problem: OrbitProblem, at: Along, mode: str) -> EquilibriumProblem:
     system = problem.shooting.system
     values = dict(zip(system.parameters.names, problem.base.tolist(), strict=True))
     signs = tuple({"+": 1, "0": 0, "-": -1}[sign] for sign in mode) if system.surfaces else ()
-    middle = at.u[: system.dimension] - _out(at.point, at.u, system.states)[0]
-    return EquilibriumProblem(system, signs, problem.parameter, middle, values)
+    n = system.dimension
+    middle = at.u[:n] - _out(at.point, at.u, system.states)[0]
+    rest = EquilibriumProblem(system, signs, problem.parameter, middle, values)
+    if not rest.sliding:
+        return rest
+    # The multipliers with which the field is least there: from others a search may go far.
+    residual, matrix = rest.evaluate(rest.start, at.point.value)
+    balance = linalg.lstsq(matrix[:n, n:-1], -residual[:n], rcond=None)[0]
+    return EquilibriumProblem(system, signs, problem.parameter, middle, values, balance)
 
 
 def _hopf(problem: OrbitProblem, a: Along, b: Along, bounds: tuple[float, float]) -> BranchPoint | None:
@@ -92,17 +99,22 @@ def _hopf(problem: OrbitProblem, a: Along, b: Along, bounds: tuple[float, float]
 
 
 def _root(test: Callable[[float], float], a: Along, b: Along, bounds: tuple[float, float]) -> float | None:
-    """The value of the parameter around two orbits at which a test of the equilibrium is 0."""
-    low, high = sorted((a.point.value, b.point.value))
-    reach = max(high - low, 1e-6 * (bounds[1] - bounds[0]))
-    try:
-        for _ in range(_DOUBLINGS):
-            low, high = max(low - reach, bounds[0]), min(high + reach, bounds[1])
-            if test(low) * test(high) < 0:
-                return float(brentq(test, low, high, xtol=1e-14, rtol=1e-14))
-            reach *= 2.0
-    except FAILURES:
-        return None
+    """The value of the parameter around two orbits at which a test of the equilibrium is 0.
+
+    A step may lead far beyond the end, where there is no equilibrium: it is looked for next to the first too.
+    """
+    least = 1e-6 * (bounds[1] - bounds[0])
+    for begin in ((a.point.value, b.point.value), (a.point.value,)):
+        low, high = min(begin), max(begin)
+        reach = max(high - low, least)
+        try:
+            for _ in range(_DOUBLINGS):
+                low, high = max(low - reach, bounds[0]), min(high + reach, bounds[1])
+                if test(low) * test(high) < 0:
+                    return float(brentq(test, low, high, xtol=1e-14, rtol=1e-14))
+                reach *= 2.0
+        except FAILURES:
+            continue
     return None
 
 
@@ -177,19 +189,27 @@ def _confirmed(
     normal   of the surface at two folds: across it, and in the parameter, the square of the size counts; the
              period goes as the size
     """
+    return any(_smaller(problem, a, place, value, normal, part) for part in _PARTS)
+
+
+def _smaller(
+    problem: OrbitProblem, a: Along, place: Array, value: float, normal: Array | None, part: float
+) -> bool:
+    """Whether the orbit of a part of the size is there; what its guess leaves out counts less for large
+    parts."""
     n, out = len(place), a.u[: len(place)] - place
-    guess, at = a.u.copy(), value + _PART * (a.point.value - value)
+    guess, at = a.u.copy(), value + part * (a.point.value - value)
     if normal is not None:
-        guess, at = _PART * a.u, value + _PART**2 * (a.point.value - value)
-        out = out - (1.0 - _PART) * normal * (normal @ out) / float(normal @ normal)
-    guess[:n] = place + _PART * out
+        guess, at = part * a.u, value + part**2 * (a.point.value - value)
+        out = out - (1.0 - part) * normal * (normal @ out) / float(normal @ normal)
+    guess[:n] = place + part * out
     try:
         point = Corrector(problem.moved(guess, at), a.corrector.width).fixed(guess, at)
     except FAILURES:
         return False
     names = problem.shooting.system.states
     small, large = (float(np.max(_out(p, u, names)[1])) for p, u in ((point, guess), (a.point, a.u)))
-    return point.word == a.point.word and 0.5 * _PART < small / large < 2.0 * _PART
+    return point.word == a.point.word and 0.5 * part < small / large < 2.0 * part
 
 
 def _ended(
