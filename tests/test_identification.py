@@ -234,3 +234,22 @@ def test_residuals_are_whitened_beside_a_force_of_any_size(rho: float, decades: 
         for got, given in ((rows[0], rest), (jacobians[0], window.jacobian)):
             exact = inverse * mp.matrix(given.tolist())
             np.testing.assert_allclose(got.ravel(), [float(q) for q in exact], rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", [1, 9, 45])
+def test_starts_far_off_end_where_the_data_say(seed: int) -> None:
+    """Each parameter up to 300 times too large or small: no worse than the law that made the points."""
+    rng = np.random.default_rng(seed)
+    true = {"Fc": rng.uniform(1, 3), "vs": 0.1 * 10 ** rng.uniform(-0.5, 0.5), "beta": rng.uniform(0.7, 2.2),
+            "b": rng.uniform(0.2, 2)}  # fmt: skip
+    true["Fs"] = true["Fc"] * rng.uniform(1.3, 2.5)
+    v = np.concatenate((-np.geomspace(1, 1e-3, 80), np.geomspace(1e-3, 1, 80)))
+    fall = np.exp(-((np.abs(v) / true["vs"]) ** true["beta"]))
+    exact = np.sign(v) * (true["Fc"] + (true["Fs"] - true["Fc"]) * fall) + true["b"] * v
+    points = exact + 0.02 * rng.standard_normal(v.size)
+    start = {name: value * 10 ** rng.uniform(-2.5, 2.5) for name, value in true.items()}
+    got = identify_curve(Curve(v, points), driven_mass(), ["Fs", "Fc", "vs", "beta", "b"], start=start)
+    assert got.success, got.message
+    assert np.sum(got.residual**2) <= np.sum((points - exact) ** 2)
+    for name, value in true.items():
+        assert abs(got.values[name] - value) < 4.5 * got.errors[name]

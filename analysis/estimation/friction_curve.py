@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,6 +12,7 @@ import sympy
 from scipy.optimize import least_squares
 
 from filippov import System, UsageError, t
+from filippov.analysis.algebra import linalg
 from filippov.analysis.estimation.driven_run import INPUT
 from filippov.analysis.estimation.identification import (
     Identified,
@@ -21,6 +23,7 @@ from filippov.analysis.estimation.identification import (
     parameter_bounds,
 )
 from filippov.analysis.estimation.record import Curve
+from filippov.analysis.estimation.residual_noise import undetermined
 from filippov.base.arrays import Array
 from filippov.base.given import Values
 from filippov.base.given import level as check_level
@@ -30,6 +33,9 @@ from filippov.base.keywords import keywords
 BEYOND = 1e6
 # Relative changes of the sum of squares, of the parameters, and the slope at which the search ends.
 CONVERGED = 1e-11
+# Powers of 10 by which two parameters at once are multiplied, how many of these places are searched from, and
+# how many searches have to end in one place, to this part of their cost, for it to be trusted.
+POWERS, PLACES, AGREED, ALIKE = np.arange(-4.0, 5.0), 6, 3, 1e-6
 # Of its unit: steps of a smaller parameter are no smaller.
 SMALL = 1e-3
 
@@ -114,12 +120,17 @@ def _least_squares(
     force by its size: tests of convergence in the units of the data would end early in some of them.
     """
     size = float(np.sqrt(np.mean(friction**2))) or 1.0
+
+    def moving(theta: Array, k: int) -> float:
+        """What a parameter that is as good as 0 has to be to move the force by its size; 0 for none."""
+        moved = theta.copy()
+        moved[k] = theta[k] + 1e-6 * size
+        moves = float(np.sqrt(np.mean((misfit(moved) - misfit(theta)) ** 2)))
+        return 1e-6 * size * size / moves if np.isfinite(moves) and moves > 0 else 0.0
+
     unit = np.abs(guess)
-    for k in np.flatnonzero(unit == 0):
-        moved = guess.copy()
-        moved[k] = 1e-6 * size
-        moves = float(np.sqrt(np.mean((misfit(moved) - misfit(guess)) ** 2)))
-        unit[k] = 1e-6 * size * size / moves if np.isfinite(moves) and moves > 0 else 1.0
+    for k in np.flatnonzero(unit == 0).tolist():
+        unit[k] = moving(guess, k) or 1.0
     low, high = (edge / unit for edge in bounds)
 
     def scaled(u: Array) -> Array:
@@ -131,16 +142,43 @@ def _least_squares(
             x_scale=np.maximum(np.abs(begin), SMALL), ftol=CONVERGED, xtol=CONVERGED, gtol=CONVERGED,
         )  # fmt: skip
 
-    best = None
-    for factor in (1.0, 0.3, 3.0, 0.1, 10.0):
-        found = search(guess / unit * factor)
-        if best is None or found.cost < best.cost * (1 - 1e-9):
-            best = found
-    assert best is not None
+    ends = [search(guess / unit * factor) for factor in (1.0, 0.3, 3.0, 0.1, 10.0)]
+    best = min(ends, key=lambda end: float(end.cost))
+    alike = sum(bool(end.cost <= best.cost * (1 + ALIKE)) for end in ends)
+    # Where the force does not depend on some of them the search had no slope to follow: far off, too.
+    if alike < AGREED or np.any(undetermined(best.jac)):
+        more = [search(begin) for begin in _around(scaled, best.x, (low, high))]
+        best = min([best, *more], key=lambda end: float(end.cost))
     theta = best.x * unit
     # Far from the guess: once more in units of its own.
     if np.any(np.abs(np.log10(np.maximum(np.abs(best.x), SMALL))) > 1):
+        nil = np.flatnonzero(np.abs(best.x) < SMALL**2).tolist()
         unit = np.where(theta == 0, unit, np.abs(theta))
+        for k in nil:
+            unit[k] = moving(theta, k) or unit[k]
         low, high = (edge / unit for edge in bounds)
         best = search(theta / unit)
     return best.x * unit, best.jac * size / unit, bool(best.success), str(best.message)
+
+
+def _around(
+    misfit: Callable[[Array], Array], u: Array, bounds: tuple[Array, Array]
+) -> list[Array]:
+    """Places to search from: the best of those with two parameters multiplied by powers of 10, the others
+    moved to where a linear force would be nearest."""
+    found: list[tuple[float, Array]] = []
+    for pair in itertools.combinations(range(u.size), min(2, u.size)):
+        others = [k for k in range(u.size) if k not in pair]
+        for powers in itertools.product(POWERS, repeat=len(pair)):
+            row = u.copy()
+            row[list(pair)] *= 10.0 ** np.array(powers)
+            row = np.clip(row, *bounds)
+            left = misfit(row)
+            steps = np.maximum(SMALL * np.abs(row), SMALL**2)
+            slopes = [(misfit(row + steps[k] * np.eye(u.size)[k]) - left) / steps[k] for k in others]
+            if slopes:
+                row[others] -= linalg.lstsq(np.column_stack(slopes), left, rcond=None)[0]
+                row = np.clip(row, *bounds)
+                left = misfit(row)
+            found.append((float(left @ left), row))
+    return [row for _, row in sorted(found, key=lambda one: one[0])[:PLACES]]
