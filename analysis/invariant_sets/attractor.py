@@ -33,7 +33,7 @@ class Attractor(Told):
     period       number of strobes or section events after which it repeats; None where there are none
     duration     period in time, None where there is none
     multipliers  of a periodic orbit (Floquet, the trivial one taken out); of an equilibrium those of the
-                 flow over one strobe or step, `duration` of the search
+                 flow over one strobe or step, `duration` of the search, 0 for directions that a slide loses
     exponent     largest Lyapunov exponent with its error, (nan, nan) where it was not computed
     stable       True or False by the multipliers; None where they do not decide, and where there are none;
                  True for a periodic orbit without them, to which states beside it came back
