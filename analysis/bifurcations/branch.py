@@ -51,7 +51,8 @@ class BranchPoint(Shown, Answering):
     residual      of the equations; tangent: direction of the branch in (u, value), scaled
     surface       that is passed otherwise by the orbits beyond
     test          that vanishes at a boundary equilibrium; onto: modes of the branches that leave it
-    phase         of the state u of a forced orbit, in periods; it changes where an event comes near
+    phase         of the state u of an orbit, in periods (not forced: from the first state of the branch); it
+                  changes where an event comes near
     coefficients  of the normal form of a special point, by name (see
                   `filippov.analysis.bifurcations.normal_form`)
     predicts      what they predict, or why they are not known
