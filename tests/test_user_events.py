@@ -1,6 +1,8 @@
 """User events: scipy's meaning, every root, directions in true time, terminal counts."""
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -296,3 +298,15 @@ def test_functions_that_stay_zero_while_masses_stick(seed: int) -> None:
         values = np.array([g(q, z) for q, z in zip(times, alone.sol(times).T, strict=True)])
         clear = values[np.abs(values) > 1e-9]
         assert len(run.t_events[-1]) >= np.sum(clear[1:] * clear[:-1] < 0)
+
+
+@pytest.mark.parametrize("atol", [1e-12, 1e-2])
+@pytest.mark.parametrize(
+    "jump", [lambda t, y: 1.0 if y[0] > 0.3 else -1.0, lambda t, y: math.floor(3 * y[0]) + 0.5,
+             lambda t, y: -1.0 if t < 1.2 else 2.0],
+)  # fmt: skip
+def test_a_function_that_jumps_is_no_event(jump: Callable[[float, Any], float], atol: float) -> None:
+    """It was said that events do not leave the state, with a tangency as the cause."""
+    system = System({x: y, y: -x - 0.3 * sign(y)})
+    with pytest.raises(ModelError, match="without being 0"):
+        solve(system, (2, 0), (0, 3), atol=atol, events=[jump])

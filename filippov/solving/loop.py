@@ -20,7 +20,7 @@ from filippov.solving.domain import edge
 from filippov.solving.finished import Course, finished
 from filippov.solving.instant import reached_at_once
 from filippov.solving.patience import Patience
-from filippov.solving.resets.jumps import pending, reset_surfaces_at, settle, source_name, state_text
+from filippov.solving.resets.jumps import pending, reset_surfaces_at, settle, source_name, state_text, stuck
 from filippov.solving.resets.passed import passed, slipped
 from filippov.solving.resets.reset_cycle import rests_in_cycle
 from filippov.solving.resets.rest import CLOSE, FAR
@@ -337,7 +337,7 @@ class _Loop(Settling):
         if ended is None and self.higher.active is held and accumulates(run):
             return self._zeno()
         if ended is None and self.stalled > 4 * (run.machine.m + 1) and not self._settled(stuck=True):
-            return self._end(Status.NO_CONTINUATION, f"events do not leave the state {state_text(run)}.")
+            return self._end(Status.NO_CONTINUATION, stuck(run, triggered))
         return ended if ended is not None else self._budgets()
 
     def _back_over(self, triggered: Sequence[int]) -> tuple[Status, str] | None:

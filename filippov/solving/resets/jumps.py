@@ -83,6 +83,13 @@ def state_text(run: Run) -> str:
     return ", ".join(f"{name} = {v:.9g}" for name, v in zip(run.machine.system.states, run.x, strict=True))
 
 
+def stuck(run: Run, surfaces: Sequence[int]) -> str:
+    """What is said where events do not leave a state. Raises ModelError where a function h jumps there."""
+    for i in surfaces:
+        run.check_root(run.t, i, run.x.copy(), abs(float(run.guards()[i])), run.signs)
+    return f"events do not leave the state {state_text(run)}."
+
+
 def pending(run: Run, surfaces: Sequence[int]) -> list[int]:
     """Of surfaces that the state has reached, those that reset it: reached from an active side, run onto."""
     mode = off_contact(run, run.mode)

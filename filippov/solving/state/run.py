@@ -54,6 +54,8 @@ def near_within(run: Run, x: Array, slack: Array, mode: Array) -> list[int]:
 MOST_MULTIPLE = 3
 # How closely the root of a function is to be known, relative to the time.
 NEAR_ROOT = 1e-9
+# Relative to 1 and the states: what h may be at its zero, however steep it is.
+JUMP = 1e-9
 
 
 class Run:
@@ -277,7 +279,9 @@ class Run:
         spread = 16 * scatter(machine, t, x, self.mode, i)
         # A multiple root is known far worse than rounding, and Newton's steps to it stop on the way. One
         # that is nearer than the tolerance of the states is reached: h may stay 0 there, as where v sticks.
-        apart = residual > float(np.abs(g[i]) @ (self.atol + np.finfo(float).eps * np.abs(x)))
+        # Differences across a jump are steep: it is larger than that.
+        within = float(np.abs(g[i]) @ (self.atol + np.finfo(float).eps * np.abs(x)))
+        apart = residual > min(within, JUMP * (1.0 + np.max(np.abs(x), initial=0.0)))
         multiple = machine.roles[i] == "observer" and (
             int(self.order[i]) > MOST_MULTIPLE or (residual > spread and not self._passes(t, i, x, velocity))
         )
