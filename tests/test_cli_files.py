@@ -59,11 +59,11 @@ def test_a_quiet_command_says_why_it_did_not_succeed(
     words = ["ensemble", "hunting", "--over", "P=10:20:2", "--max-steps", "30", "--quiet"]
     assert main(words) == 3
     assert capsys.readouterr().err == "filippov: trajectory 0: max_steps\nfilippov: trajectory 1: max_steps\n"
-    points = [0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]  # 1 + exp(-v)/2: nothing of it is viscous
+    points = [0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]  # 1 + v/4: nothing of it falls with the speed
     curve = tmp_path / "curve.csv"
-    curve.write_text("v,friction\n" + "".join(f"{v},{1 + 0.5 * np.exp(-v)}\n" for v in points))
+    curve.write_text("v,friction\n" + "".join(f"{v},{1 + 0.25 * v}\n" for v in points))
     assert main(["identify", str(curve), "--quiet"]) == 3
-    assert "filippov: not converged: the data do not determine b" in capsys.readouterr().err
+    assert "filippov: not converged: the data do not determine Fs, vs, beta" in capsys.readouterr().err
 
 
 def test_the_output_is_tried_before_the_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
