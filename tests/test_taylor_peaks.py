@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from sympy import Expr, atan
 
-from filippov import System, exp, parameters, sin, solve, sqrt, states, tanh
+from filippov import System, exp, parameters, sign, sin, solve, sqrt, states, tanh
 
 x, y = states("x y")
 p = parameters(a=1.0, c=0.0, w=1.0, v=1.0)
@@ -49,3 +49,26 @@ def test_what_is_ahead_is_not_stepped_over(name: str) -> None:
         share = given["a"] * given["w"] / given["v"]
         error = abs(float(run.x_end[1]) - share * (ends[1] - ends[0]))
         assert error < 1e4 * rtol * share * (1 + sum(map(abs, ends))), (given, rtol)
+
+
+@pytest.mark.parametrize("seed", [0, 3, 4])
+def test_terms_that_are_rounding_show_no_singularity(seed: int) -> None:
+    """In sliding friction with sign(w) w for |w| the series of its decay are rounding, whose growth says
+    nothing: steps fell below the spacing of t. The same with abs(w) by DOP853.
+    """
+    x, v, y, w = states("x v y w")
+    low = (0.5, 0.2, 5, 0.01, 1, 0.5, 0.5, 0.3)
+    high = (2, 1, 40, 0.3, 3, 1.5, 3, 2)
+    top, bit, k, c, more, least, b, speed = np.random.default_rng(seed).uniform(low, high).tolist()
+
+    def drill(size: Expr) -> System:
+        twist = k * (x - y) + c * (v - w)
+        torque = sign(w) * (least + more * exp(-b * size))
+        return System({x: v, v: (3 * (speed - v) - twist) / top, y: w, w: (twist - torque) / bit})
+
+    start, span = (0.3, speed, 0, 0.5 * speed), (0, 15)
+    run = solve(drill(sign(w) * w), start, span, method="Taylor", rtol=1e-9, atol=1e-11)
+    assert run.success
+    known = solve(drill(abs(w)), start, span, rtol=1e-11, atol=1e-13)
+    assert run.x_end == pytest.approx(known.x_end, abs=1e-6)
+    assert run.steps < known.steps

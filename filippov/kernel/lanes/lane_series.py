@@ -33,6 +33,7 @@ from filippov.kernel.loop.series import (
     CONVERGES,
     GROWTH,
     INVISIBLE,
+    LEAST_PART,
     SERIES_MISS,
     exponent,
     exponent_at,
@@ -96,7 +97,8 @@ def series_length(x: Vector, rtol: float, atol: Vector, before: float, w: Scratc
         for _ in range(2):
             growth = last_growth(row, length, w)
             far = growth > CONVERGES and growth < 1e300
-            length *= root_of_inverse(growth * (1.0 / (CUT * CONVERGES)), LAST) if far else 1.0
+            cut = root_of_inverse(growth * (1.0 / (CUT * CONVERGES)), LAST) if far else 1.0
+            length = max(length * cut, min(length, LEAST_PART * before))
     return length
 
 

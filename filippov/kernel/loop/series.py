@@ -33,6 +33,8 @@ from filippov.kernel.tables.root_tables import NODES, POSITION
 # Bits of 1.0, moved by the mean error of reading a mantissa as a logarithm.
 ONE_BITS = 4606988764016040477
 GROWTH = 10.0
+# The least part of the last step that a singularity is found to allow.
+LEAST_PART = 0.05
 # The largest error of a guard's series at the end of a step, relative to its terms.
 SERIES_MISS = 1e-9
 
@@ -53,7 +55,7 @@ def series_step(
 
     It is at most `GROWTH` times what the last step suggests, for what the coefficients cannot show, and ends
     before the nearest singularity of what the field is made of, and before an exponential that cannot be seen
-    from its start becomes one that can.
+    from its start becomes one that can. A singularity cuts it to no less than LEAST_PART of the last step.
     """
     if taken_here(t, x, m, w):
         return before
@@ -78,7 +80,9 @@ def series_step(
                 length *= 0.5
         growth = last_growth(row, length, w)
         if growth > REACHES and growth < 1e300:
-            length *= root_of_inverse(growth / REACHES, LAST)
+            # What comes nearer does so step by step; where the terms are rounding they say anything.
+            shorter = length * root_of_inverse(growth / REACHES, LAST)
+            length = max(shorter, min(length, LEAST_PART * before))
     return length
 
 
