@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov import Ensemble, Solution, Status, UsageError, solve, solve_many
+from filippov import Solution, Status, UsageError, solve, solve_many
 from filippov.analysis.maps.section import BoundSection
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.base.arrays import Array
+from filippov.solving.uncut import whole as uncut
 
 # A return takes tens of steps; a solution that takes this many does not come back.
 MOST_STEPS = 200_000
@@ -29,7 +30,7 @@ def first_returns(
     section, system = bound.section, bound.system
     run = {"stop": section.stop, "max_steps": MOST_STEPS, **options}
     if not section.after:
-        ends = _all_of(solve_many(system, x0, (0.0, section.t_max), parameters=parameters, **run))
+        ends = uncut(solve_many(system, x0, (0.0, section.t_max), parameters=parameters, **run))
         return ends.x, list(ends.status), np.any(ends.mode[:, bound.surfaces] == 0, axis=1)
     _autonomous(bound)
     x, status = x0.copy(), [Status.SUCCESS] * len(x0)
@@ -41,7 +42,7 @@ def first_returns(
         if not open_rows.size:
             break
         rows = {name: v[open_rows] if np.ndim(v) else v for name, v in parameters.items()}
-        ends = _all_of(solve_many(system, x[open_rows], (0.0, section.t_max), parameters=rows, **run))
+        ends = uncut(solve_many(system, x[open_rows], (0.0, section.t_max), parameters=rows, **run))
         x[open_rows] = ends.x
         spent[open_rows] += ends.t
         goes_on = np.zeros(open_rows.size, dtype=bool)
@@ -60,7 +61,8 @@ def first_return(bound: BoundSection, x0: Array, parameters: Mapping[str, float]
     run: dict[str, Any] = {"parameters": parameters, "max_steps": MOST_STEPS, **options}
 
     def whole(**end: Any) -> Solution:
-        return _to_the_end(solve(system, x0, (0.0, section.t_max), **{**run, **end}))
+        ended: Solution = uncut(solve(system, x0, (0.0, section.t_max), **{**run, **end}))
+        return ended
 
     if not section.after:
         return whole(stop=section.stop)
@@ -68,7 +70,7 @@ def first_return(bound: BoundSection, x0: Array, parameters: Mapping[str, float]
     counts = dict.fromkeys(section.surfaces, 0)
     x, left = x0, section.t_max
     for _ in range(MOST_EVENTS):
-        part = _to_the_end(solve(system, x, (0.0, left), stop=section.stop, **run))
+        part = uncut(solve(system, x, (0.0, left), stop=section.stop, **run))
         x, left = part.x_end, left - part.t_end
         if part.status is not Status.STOPPED:
             break
@@ -82,20 +84,6 @@ def first_return(bound: BoundSection, x0: Array, parameters: Mapping[str, float]
         if left <= 0:
             break
     return whole()
-
-
-def _to_the_end(solution: Solution) -> Solution:
-    """A solution that no interrupt has cut: one that was is no missing return."""
-    if solution.status is Status.INTERRUPTED:
-        raise KeyboardInterrupt
-    return solution
-
-
-def _all_of(ends: Ensemble) -> Ensemble:
-    """Ends that no interrupt has cut."""
-    if not ends.complete:
-        raise KeyboardInterrupt
-    return ends
 
 
 def _autonomous(bound: BoundSection) -> None:

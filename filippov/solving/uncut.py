@@ -13,27 +13,26 @@ from typing import Any, TypeVar, cast
 from filippov.base.status import Status
 from filippov.solving.ensemble import Ensemble
 from filippov.solving.ensemble import solve_many as many
+from filippov.solving.solution import Solution
+from filippov.solving.solution_tree import SolutionTree
 from filippov.solving.solver import solve as one
 
 F = TypeVar("F", bound=Callable[..., Any])
+Found = TypeVar("Found", bound=Solution | SolutionTree | Ensemble)
 
 
-def whole(ends: Ensemble) -> Ensemble:
-    """Ends that no interrupt has cut. Raises KeyboardInterrupt."""
-    if not ends.complete:
+def whole(found: Found) -> Found:
+    """A solution, a tree or ends of an ensemble that no interrupt has cut. Raises KeyboardInterrupt."""
+    cut = not found.complete if isinstance(found, Ensemble) else found.status is Status.INTERRUPTED
+    if cut:
         raise KeyboardInterrupt
-    return ends
+    return found
 
 
 def _uncut(function: F) -> F:
     @wraps(function)
     def called(*given: Any, **options: Any) -> Any:
-        found = function(*given, **options)
-        if isinstance(found, Ensemble):
-            return whole(found)
-        if found.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        return found
+        return whole(function(*given, **options))
 
     return cast(F, called)
 

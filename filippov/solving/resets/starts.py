@@ -28,7 +28,7 @@ def begin(run: Run) -> int:
     if code == codes.USER_ERROR or run.direction < 0 or not any(machine.contacts):
         return code
     side, held = np.array(machine.contacts, dtype=float), 0.0 in run.mode.tolist()
-    mode = off_contact(run, run.mode) if held else run.mode.copy()
+    mode = off_contact(run, run.mode) if held else run.mode
     known = CLOSE * (run.atol + run.options.rtol * np.abs(run.x))
 
     h = machine.guards(run.t, run.x, mode) if held else run.guards()

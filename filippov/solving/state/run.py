@@ -268,24 +268,26 @@ class Run:
         if machine.surfaces[i].symbolic:
             return
         g, gt = machine.gradients(t, x, self.mode)
+        size = float(np.max(np.abs(x), initial=0.0))
+        # A zero that is nearer than the tolerance of the states is reached: h may stay 0 there, as where v
+        # sticks. Differences across a jump are steep: it is larger than that.
+        within = float(np.abs(g[i]) @ (self.atol + np.finfo(float).eps * np.abs(x)))
+        if residual <= min(within, JUMP * (1.0 + size)):
+            return
         # What is reached at the instant of another event is off 0 by its rate and the rounding of time.
         _, velocity, _, _ = machine.probe(t, 0.0, x, np.array(before, dtype=float), self.lam)
         rate = abs(machine.rate(i, g, velocity)) + abs(gt[i])
         late = 64 * np.finfo(float).eps * max(abs(t), abs(t - float(self.clock.t_start))) * rate
-        reach = np.abs(x) + self.atol + 1e-9 * np.max(np.abs(x), initial=0.0)
+        reach = np.abs(x) + self.atol + 1e-9 * size
         # A function may be a difference of terms of this size, of which nothing but rounding is left.
-        rounding = 64 * np.finfo(float).eps * (1.0 + np.max(np.abs(x), initial=0.0) + abs(t))
+        rounding = 64 * np.finfo(float).eps * (1.0 + size + abs(t))
         known = 1e-6 * float(np.abs(g[i]) @ reach + abs(gt[i] * t)) + machine.widths[i] + late
         spread = 16 * scatter(machine, t, x, self.mode, i)
-        # A multiple root is known far worse than rounding, and Newton's steps to it stop on the way. One
-        # that is nearer than the tolerance of the states is reached: h may stay 0 there, as where v sticks.
-        # Differences across a jump are steep: it is larger than that.
-        within = float(np.abs(g[i]) @ (self.atol + np.finfo(float).eps * np.abs(x)))
-        apart = residual > min(within, JUMP * (1.0 + np.max(np.abs(x), initial=0.0)))
+        # A multiple root is known far worse than rounding, and Newton's steps to it stop on the way.
         multiple = machine.roles[i] == "observer" and (
             int(self.order[i]) > MOST_MULTIPLE or (residual > spread and not self._passes(t, i, x, velocity))
         )
-        if apart and (multiple or residual > known + min(rounding, spread)):
+        if multiple or residual > known + min(rounding, spread):
             raise ModelError(
                 f"surface {machine.surfaces[i].name!r}: h changes its sign at t = {t:.9g} without being 0 "
                 f"there (|h| = {residual:.3g}). h must be continuous: give the function whose zero is the "

@@ -44,7 +44,7 @@ def guards_beside(
     """As `sampling.guard_rows` at the points theta of the dense output, where nothing slides: rows 0 to M."""
     u = theta[0]
     for i in range(N):
-        value = coef[DEGREE_DENSE * N + i] + 0.0 * u
+        value = coef[DEGREE_DENSE * N + i]
         for j in range(DEGREE_DENSE - 1, -1, -1):
             value = value * u + coef[j * N + i]
         x[i] = value
