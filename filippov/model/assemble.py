@@ -13,11 +13,12 @@ from filippov.base.errors import ModelError
 from filippov.base.names import closest, unknown
 from filippov.model.check import as_expression, check_size
 from filippov.model.comparators.hysteresis import normalised
-from filippov.model.contact import found_contact
-from filippov.model.extract import Extractor
+from filippov.model.contact import found_contact, slips_of
+from filippov.model.extract import NONSMOOTH, Extractor
 from filippov.model.kinds import Kinds
 from filippov.model.levels import levelled
 from filippov.model.parameter_symbol import ParameterNamespace, ParameterSymbol
+from filippov.model.push import place
 from filippov.model.signals.input import InputSymbol, as_symbols, inputs_in
 from filippov.model.spelling import surface_name
 from filippov.model.surface import Surface, no_surface
@@ -41,10 +42,46 @@ def assemble(
 
     `spare`: a declared surface may be without effect. Raises ModelError.
     """
+    given = tuple(_checked(surface, tuple(equations)) for surface in surfaces)
+    if not any(e.has(*NONSMOOTH) for surface in given for _, e in surface.reset or ()):
+        return _assembled(equations, given, parameters, spare, time_events, outputs, ())
+    # What a contact pushes may depend on signs that the equations do not hold: surfaces of their own.
+    form, found = _assembled(equations, given, parameters, True, time_events, outputs, ())
+    declared = {surface.name: surface for surface in given}
+    contacts = [(i, declared[q.name]) for i, q in enumerate(found) if q.reset is not None]
+    slips = list(dict.fromkeys(g for i, surface in contacts for g in slips_of(form, surface, i)))
+    return _assembled(
+        equations, _with_slips(form, given, slips), parameters, spare, time_events, outputs, slips
+    )
+
+
+def _with_slips(form: SymbolicForm, given: Sequence[Surface], slips: Sequence[Expr]) -> tuple[Surface, ...]:
+    """The surfaces, and those on which contacts slip that are not among those of the form."""
+    out, known = list(given), list(form.plain_h())
+    for g in slips:
+        if place(known, g) is None:
+            h = -g if g.could_extract_minus_sign() else g
+            known.append(h)
+            name, taken = surface_name(h), {surface.name for surface in out}
+            while name in taken:
+                name = f"({name})"
+            out.append(Surface(name, h))
+    return tuple(out)
+
+
+def _assembled(
+    equations: Mapping[Symbol, Expr],
+    given: tuple[Surface, ...],
+    parameters: ParameterNamespace | None,
+    spare: bool,
+    time_events: Sequence[TimeEvent],
+    outputs: Sequence[Expr],
+    slips: Sequence[Expr],
+) -> tuple[SymbolicForm, tuple[Surface, ...]]:
+    """The form and its surfaces; slips: functions on whose signs the pushes of contacts depend."""
     x = tuple(equations)
     for symbol, f in equations.items():
         check_size(f, f"the equation of {symbol.name!r}")
-    given = tuple(_checked(surface, x) for surface in surfaces)
     clocks = [e for event in time_events for e in event.expressions()]
     inputs = as_symbols([*equations.values(), *_expressions(given), *clocks, *outputs])
     if inputs:
@@ -67,7 +104,8 @@ def assemble(
     # Most states are left as they are by most resets.
     rows = [row for row in (*after.values(), *ticks) if row is not None]
     moved = [e for row in rows for q, e in zip(x, row, strict=True) if e is not q]
-    used = _used(extractor.table.entries, [*field, *moved], spare)
+    acting = [found[0] for g in slips if (found := extractor.table.match(g)) is not None]
+    used = _used(extractor.table.entries, [*field, *moved, *(entry.s for entry in acting)], spare)
     entries = _ordered(used, [surface.name for surface in given])
 
     names = _names(entries)
@@ -96,7 +134,7 @@ def assemble(
     out = []
     for i, entry in enumerate(entries):
         declared = entry.declared or Surface(names[i], kinds.h[i])
-        kind = kinds.kind(i, declared)
+        kind = "switching" if entry in acting else kinds.kind(i, declared)
         if kind != "switching" and declared.wide:
             raise ModelError(
                 f"surface {names[i]!r}: radius is {declared.radius}, but the equations do not jump across "

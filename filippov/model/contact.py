@@ -12,15 +12,28 @@ Sources: Brogliato 2016, section 5; di Bernardo et al. 2008, section 2.2 (sticki
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import sympy
 from sympy import Expr, Float, Symbol
 
+from filippov.model.push import (
+    Approach,
+    Row,
+    Tree,
+    UndecidedError,
+    each,
+    has_choices,
+    joined,
+    limit,
+    place,
+    rows,
+    slips,
+)
 from filippov.model.signals.input import as_symbols
 from filippov.model.size import cancelled, expanded
 from filippov.model.surface import Surface
-from filippov.model.symbolic import Contact, SymbolicForm
+from filippov.model.symbolic import Contact, Select, SymbolicForm
 from filippov.model.symbols import t
 from filippov.model.table import samples, vanishes
 
@@ -34,8 +47,9 @@ JUMPS = "dh/dt depends on the sign of a surface"
 SIGNED = "the reset depends on signs"
 ACROSS = "the field jumps across the surface"
 BOTH = "it acts on both sides"
+CHOICES = "what the reset chooses at rest (by |u|, Min, Max) cannot be told"
 # Reasons for which none is derived although the state may rest; the others say that it cannot.
-UNDERIVED = (KINK, JUMPS, SIGNED, ACROSS, BOTH)
+UNDERIVED = (KINK, JUMPS, SIGNED, ACROSS, BOTH, CHOICES)
 
 
 def found_contact(form: SymbolicForm, surface: Surface, i: int) -> Contact | str:
@@ -64,11 +78,41 @@ def not_derived(form: SymbolicForm, surface: Surface, i: int) -> str:
     moved = {x: e for x, e in zip(form.x, after, strict=True) if e != x}
     h = form.plain_h()[i]
     x = [q for q in form.x if q in h.free_symbols]
-    return str(found) if x and _kept(x, [h], [h.subs(moved, simultaneous=True)], sympy.S.One) else ""
+    return str(found) if x and _kept(x, [h], [h.subs(moved, simultaneous=True)]) else ""
 
 
 def contact_of(form: SymbolicForm, i: int, after: Sequence[Expr], side: int) -> Contact | str:
     """The contact on surface i whose reset gives `after`, or the reason why there is none."""
+    found = _push(form, i, after, side)
+    if isinstance(found, str):
+        return found
+    rate, tree = found
+    try:
+        return Contact(side, rate, joined(tree, lambda g: _sign(form, i, g)))
+    except UndecidedError:
+        return CHOICES
+
+
+def slips_of(form: SymbolicForm, surface: Surface, i: int) -> list[Expr]:
+    """Functions on whose signs the push of surface i depends while the state rests on it."""
+    after = form.reset[i] if form.reset else None
+    if after is None or surface.contact is False or surface.side == "both" or not has_choices(after):
+        return []
+    found = _push(form, i, after, 1 if surface.side == "+" else -1)
+    return [] if isinstance(found, str) else list(slips(found[1]))
+
+
+def _sign(form: SymbolicForm, i: int, g: Expr) -> Expr | None:
+    """The sign of g as that of a surface, other than i, that is a multiple of it."""
+    found = place(form.plain_h(), g)
+    if found is None or found[0] == i:
+        return None
+    k, factor = found
+    return form.s[k] if factor == 1 else Select(factor, form.s[k], -form.s[k])
+
+
+def _push(form: SymbolicForm, i: int, after: Sequence[Expr], side: int) -> tuple[Expr, Tree] | str:
+    """The rate of a contact and the direction in which it pushes, by cases, or why there is none."""
     h, n = form.h[i], len(form.x)
     if not h.free_symbols.isdisjoint(form.a):
         return KINK
@@ -89,47 +133,86 @@ def contact_of(form: SymbolicForm, i: int, after: Sequence[Expr], side: int) -> 
         return "dh/dt does not depend on the state"
     # A direction across L = 0 that keeps h: what the reset does along it is the push of the surface.
     probe = across - slope * (across.dot(slope) / slope.dot(slope))
-    jump = sympy.Matrix([after[j] - q for j, q in zip(places, x, strict=True)])
-    push = jump.jacobian(x) * probe
-    along = cancelled(across.dot(push)) if n < 9 else across.dot(push)
-    if along == 0 or vanishes(along):
+    row: Row = tuple(after[j] for j in places)
+    tree: Tree = row
+    if has_choices(row):
+        steps_off = {q: -side * e / across.dot(probe) for q, e in zip(x, probe, strict=True) if e != 0}
+        try:
+            tree = limit(row, Approach(steps_off, rate, _evaluated(x, (h, rate), after)))
+        except UndecidedError:
+            return CHOICES
+
+    def pushed(row: Row) -> Row:
+        """What the reset does to the rate, and the direction of its push with its share in that as 1."""
+        jump = sympy.Matrix([e - q for e, q in zip(row, x, strict=True)])
+        push = jump.jacobian(x) * probe
+        along = cancelled(across.dot(push)) if n < 9 else across.dot(push)
+        return (along, *(sympy.nan if along == 0 else cancelled(e / along) for e in push))
+
+    tree = each(tree, pushed)
+    pushes = list(rows(tree))
+    if any(vanishes(row[0]) or any(e.has(sympy.nan, sympy.zoo) for e in row) for row in pushes):
         return "the reset does not act on dh/dt"
-    direction = [sympy.S.Zero] * n
-    for j, e in zip(places, push, strict=True):
-        direction[j] = cancelled(e / along)
-    if any(e.has(sympy.nan, sympy.zoo) for e in direction):
-        return "the reset does not act on dh/dt"
-    if not _kept(x, (h, rate), [e.subs(moved, simultaneous=True) for e in (h, rate)], along):
+    after_rest = [e.subs(moved, simultaneous=True) for e in (h, rate)]
+    if not _kept(x, (h, rate), after_rest, [row[0] for row in pushes]):
         return "the reset changes h or dh/dt where both are 0"
-    return Contact(side, rate, tuple(direction))
+    nothing = dict.fromkeys(range(n), sympy.S.Zero)
+    return rate, each(tree, lambda row: tuple((nothing | dict(zip(places, row[1:], strict=True))).values()))
 
 
-def _kept(x: Sequence[Symbol], zero: Sequence[Expr], after: Sequence[Expr], along: Expr) -> bool:
+def _kept(
+    x: Sequence[Symbol], zero: Sequence[Expr], after: Sequence[Expr], along: Sequence[Expr] = ()
+) -> bool:
     """Whether h = dh/dt = 0 (`zero`) holds after the reset (`after`) where it did, at points Newton finds.
 
-    x: the states on which they depend.
+    x: the states on which they depend; along: what must not vanish there.
 
     What else the reset changes, a counter or the speed along the surface, it changes once at each impact.
     """
     # As long as it holds for any value of an input, and of its slope.
-    inputs = as_symbols([*zero, along, *after])
-    zero, after = ([e.xreplace(inputs) for e in part] for part in (zero, after))
-    along = along.xreplace(inputs)
-    symbols: set[Symbol] = set().union(*(e.free_symbols for e in (*zero, along, *after))) | {*x, t}
+    inputs = as_symbols([*zero, *along, *after])
+    after, along = ([e.xreplace(inputs) for e in part] for part in (after, along))
     found = 0
-    for point in samples(symbols, TRIALS, seed=random.Random(7).randint(1, 99)):  # noqa: S311
-        at = _solved({q: Float(v, DIGITS) for q, v in point.items()}, x, sympy.Matrix(zero))
-        if at is None:
-            continue
-        values = [e.xreplace(at).evalf(DIGITS) for e in (*after, along)]
+    for at in _points(x, [e.xreplace(inputs) for e in zero], [*along, *after]):
+        values = [e.xreplace(at).evalf(DIGITS) for e in (*after, *along)]
         if not all(v.is_number and v.is_finite for v in values):
             continue
-        if abs(values[-1]) < CLOSE:
+        if any(abs(v) < CLOSE for v in values[len(after) :]):
             return False
         if any(abs(v) > CLOSE and abs(v) > _rounding(e, at) for v, e in zip(values, after, strict=False)):
             return False
         found += 1
     return found > 0
+
+
+def _evaluated(
+    x: Sequence[Symbol], zero: Sequence[Expr], after: Sequence[Expr]
+) -> Callable[[Expr], Sequence[Expr]]:
+    """A function that evaluates expressions in what `after` holds at points where those of `zero` are 0.
+
+    Raises UndecidedError where no such point is found, or one has no value there.
+    """
+    inputs = as_symbols([*zero, *after])
+    points = list(_points(x, [e.xreplace(inputs) for e in zero], [e.xreplace(inputs) for e in after]))
+
+    def values(e: Expr) -> Sequence[Expr]:
+        found = [e.xreplace(inputs).xreplace(at).evalf(DIGITS) for at in points]
+        if not found or not all(v.is_number and v.is_finite for v in found):
+            raise UndecidedError
+        return found
+
+    return values
+
+
+def _points(
+    x: Sequence[Symbol], zero: Sequence[Expr], others: Sequence[Expr]
+) -> Iterator[dict[Symbol, Expr]]:
+    """Points at which the expressions of `zero` vanish, with values for what the others hold."""
+    symbols: set[Symbol] = set().union(*(e.free_symbols for e in (*zero, *others))) | {*x, t}
+    for point in samples(symbols, TRIALS, seed=random.Random(7).randint(1, 99)):  # noqa: S311
+        at = _solved({q: Float(v, DIGITS) for q, v in point.items()}, x, sympy.Matrix(zero))
+        if at is not None:
+            yield at
 
 
 def _rounding(e: Expr, at: dict[Symbol, Expr]) -> Expr:

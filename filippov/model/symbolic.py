@@ -111,6 +111,10 @@ class Contact:
     rate: Expr
     direction: tuple[Expr, ...]
 
+    def symbols(self) -> set[Symbol]:
+        """What the direction holds; the signs among them are those of surfaces on which the contact slips."""
+        return set().union(*(d.free_symbols for d in self.direction))
+
     def pushed(self, s: Expr) -> tuple[Expr, ...]:
         """What is added to the field in contact: side (1 - side s)/2 D."""
         push = self.side * (1 - self.side * s) / 2
@@ -184,7 +188,8 @@ class SymbolicForm:
         field = tuple(convex(f.xreplace(fixed), free).xreplace(sizes) for f in self.field)
         for contact, s, m in zip(self.contact, self.s, signs, strict=False):
             if contact is not None and m == 0:
-                field = tuple(f + q for f, q in zip(field, contact.pushed(s), strict=True))
+                pushed = (convex(q.xreplace(fixed), free).xreplace(sizes) for q in contact.pushed(s))
+                field = tuple(f + q for f, q in zip(field, pushed, strict=True))
         return field
 
     def h_at_mode(self, mode: Sequence[int] | str) -> tuple[Expr, ...]:

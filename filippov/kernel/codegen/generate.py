@@ -251,6 +251,8 @@ def _ended(slope: Expr, moving: Collection[Symbol]) -> Expr:
 def jointly_affine(form: SymbolicForm) -> bool:
     """Whether the field is a constant plus a sum of terms in one sign each."""
     free, partials = set(form.s), Partials()
+    if any(contact is not None and free & contact.symbols() for contact in form.contact):
+        return False
     for f in form.field:
         g = convex(f, free) if partials.symbols(f) & free else f
         for s in partials.symbols(g) & free if not _written_affine(g, free, partials) else ():

@@ -194,7 +194,7 @@ def search(run: Trajectory) -> int:
     cause, surface, theta, slope = NOTHING, -1, 2.0, 0.0
     if look and failed == 0:
         cause, surface, theta, slope = locate(t, p, m, order, step, w, iw, ctx)
-    if cause <= LOST:
+    if cause <= LOST or failed == 2:
         # Multipliers without a value somewhere in the step have left their sets before that.
         clock.grow = 1.0
         return shorten(run, 0.125 * abs(step))

@@ -16,7 +16,7 @@ from filippov.model.comparators.moving_stick import with_moving_stick
 from filippov.model.comparators.stick_band import UNIT, NewSurfaces, StickBand, kink
 from filippov.model.parameter_symbol import ParameterSymbol
 from filippov.model.surface import Surface
-from filippov.model.symbolic import Select, SymbolicForm, convex
+from filippov.model.symbolic import Contact, Select, SymbolicForm, convex
 
 
 def regularize_symbolic(
@@ -85,11 +85,12 @@ def regularize_symbolic(
     old = [next((i for i, q in enumerate(surfaces) if q.name == name), None) for name in names]
     gone = {q for band in bands for q in (band.s, band.a) if q not in values}
     moved = [e for row in (*form.reset, *form.time_reset) for e in row or ()]
-    for e in (*moved, *new.h):
+    pushes = [e for contact in form.contact if contact is not None for e in contact.direction]
+    for e in (*moved, *pushes, *new.h):
         if e.free_symbols & gone:
             raise ModelError(
-                "a reset or a surface holds the sign or the size of one under Switch or Karnopp: it has none "
-                "in the band. Choose Band or Smooth for it."
+                "a reset, a surface or the friction at a contact holds the sign or the size of one under "
+                "Switch or Karnopp: it has none in the band. Choose Band or Smooth for it."
             )
     out = SymbolicForm(
         x=form.x,
@@ -101,10 +102,18 @@ def regularize_symbolic(
         radius=tuple(new.radius),
         reset=tuple(None if i is None else _moved(form.reset[i], values) for i in old) if form.reset else (),
         time_reset=tuple(_moved(row, values) for row in form.time_reset),
-        contact=tuple(form.contact[i] if i is not None else None for i in old) if form.contact else (),
+        contact=tuple(None if i is None else _pushing(form.contact[i], values) for i in old)
+        if form.contact else (),
         widths=tuple(new.widths) if any(w is not None for w in new.widths) else (),
     )
     return out, tuple(new.surfaces)
+
+
+def _pushing(contact: Contact | None, values: Mapping[Symbol, Expr]) -> Contact | None:
+    """A contact with other expressions for the signs in its friction."""
+    if contact is None:
+        return None
+    return replace(contact, direction=tuple(e.xreplace(values) for e in contact.direction))
 
 
 def _alone(form: SymbolicForm, i: int, own: Comparator) -> bool:
