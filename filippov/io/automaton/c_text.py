@@ -85,6 +85,7 @@ def model_text(
         _array("int", "RESET_FROM[M]", map(str, eq.reset_from)),
         _array("int", "CONTACT[M]", map(str, eq.contact)),
         _array("int", "COMPONENT[M]", map(str, eq.component)),
+        _array("int", f"ORDER[{max(m + clocks, 1)}]", map(str, eq.order)),
         _array("int", "TIMES_OF[CLOCKS]", map(str, lists)),
     ]
     state = "double t, const double *x, const double *p"

@@ -8,11 +8,23 @@ The text of this file is part of exported modules: it needs `math` alone, and th
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
 from filippov.io.automaton.method import EPS, Step
-from filippov.io.automaton.values import CLEAR, NEAR_FOLD, NO_RATE, SHORTEST, AtState, Refusal, rate, sign_of
+from filippov.io.automaton.values import (
+    CLEAR,
+    MOST_ORDERS,
+    NEAR_FOLD,
+    NO_RATE,
+    ONE_STATE,
+    SHORTEST,
+    AtState,
+    Refusal,
+    rate,
+    sign_of,
+)
 
 
 class Decisions(AtState):
@@ -225,6 +237,40 @@ class Decisions(AtState):
         else:
             self.bounce(i, before[i], size)
         self.after_jump(before, but=i)
+
+    def check_order(self, due: Sequence[int]) -> None:
+        """Refuse resets of one instant whose order decides the state behind them.
+
+        due: their numbers, first those of surfaces, then clocks. Those that commute are not tried.
+        """
+        for group in {self.model.ORDER[i] for i in due}:
+            members = [i for i in due if self.model.ORDER[i] == group]
+            if len(members) > MOST_ORDERS:
+                said = f"{len(members)} resets are due at once, expected {MOST_ORDERS} at most where the"
+                raise Refusal("non_unique", f"{said} order may matter.")
+            if len(members) < 2:
+                continue
+            ways = [self.in_turn(order) for order in itertools.permutations(members)]
+            for j in range(len(self.x)):
+                size = max(abs(x[j]) for way in ways for x in way)
+                ends = [way[-1][j] for way in ways]
+                if not max(ends) - min(ends) <= ONE_STATE * size + self.atol:
+                    said = "resets are due at once, and the state after them depends on their order."
+                    raise Refusal("non_unique", said)
+
+    def in_turn(self, order: Sequence[int]) -> list[list[float]]:
+        """The states that resets pass through in an order, from the one that there is to the last."""
+        m, states, count = list(self.m), [list(self.x)], len(self.m)
+        for i in order:
+            reset, k = (self.model.reset, i) if i < count else (self.model.strike, i - count)
+            x = reset(k, self.t, states[-1], self.p, m)
+            h = self.model.guards(self.t, x, self.p, [sign or 1 for sign in m])
+            for j, value in enumerate(h):
+                room = max(self.model.WIDTH[j], 64 * self.noise(j, self.t, x))
+                if abs(value) > room and m[j] * value <= 0:
+                    m[j] = 1 if value > 0 else -1
+            states.append(x)
+        return states
 
     def bounce(self, i: int, sign: int, size: float) -> None:
         """The sign of a surface that a reset has left the state on: off again, through, or at rest on it."""

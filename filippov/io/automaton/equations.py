@@ -19,6 +19,7 @@ from filippov.model.symbolic import Select, SymbolicForm, convex
 from filippov.model.symbols import t
 from filippov.model.system import System
 from filippov.solving.expressions import read_with_signs
+from filippov.solving.resets.commuting import groups
 
 _SIDES = {"+": 1, "-": -1, "both": 2}
 
@@ -33,6 +34,7 @@ class Equations:
     ends        lower and upper end of the set of signs at h = 0
     resets      per surface the states after its reset, or None; strikes: per time event likewise
     component   the number of its group of coupled surfaces, for every surface
+    order       the number of its group of resets that may not commute, for every surface, then every clock
     affine      the field is a constant plus a sum of terms in one sign each
     outputs     one per output of the system; a sign in it is the multiplier where the mode is 0
     """
@@ -47,6 +49,7 @@ class Equations:
     resets: tuple[tuple[Expr, ...] | None, ...]
     strikes: tuple[tuple[Expr, ...] | None, ...]
     component: tuple[int, ...]
+    order: tuple[int, ...]
     affine: bool
     outputs: tuple[Expr, ...]
 
@@ -94,9 +97,16 @@ def equations(system: System) -> Equations:
     return Equations(
         system, form, modes, tuple(field), tuple(contact_guards(form, modes)),
         tuple(tuple(row) for row in rows), form.radius, form.reset or none, form.time_reset,
-        tuple(structure(form, field, filled(rows)).components()), jointly_affine(form),
+        tuple(structure(form, field, filled(rows)).components()), _orders(system, form), jointly_affine(form),
         tuple(_at_any_sign(read_with_signs(system, e), form, modes) for e in system.outputs.values()),
     )  # fmt: skip
+
+
+def _orders(system: System, form: SymbolicForm) -> tuple[int, ...]:
+    """The groups of resets whose order may matter at one instant."""
+    count = len(form.h) + len(form.time_reset)
+    number = {i: k for k, group in enumerate(groups(system, tuple(range(count)))) for i in group}
+    return tuple(number[i] for i in range(count))
 
 
 def _at_any_sign(f: Expr, form: SymbolicForm, modes: Sequence[Symbol]) -> Expr:

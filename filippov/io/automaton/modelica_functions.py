@@ -119,19 +119,59 @@ def slides(eq: Equations, i: int) -> bool:
     return eq.system.surfaces[i].kind == "switching" and eq.widths[i] == 0
 
 
+def _off(eq: Equations, i: int) -> str:
+    """The branches of the sign that a jump gives a surface by h; what stays is on it, or within its width."""
+    h, sign = f"h[{i + 1}]", f"m[{i + 1}]"
+    if eq.widths[i] > 0:
+        return f"if {sign}*{h} + {eq.widths[i]!r} <= 0 then -{sign}"
+    return f"if {h} > near then 1 elseif {h} < -near then -1"
+
+
 def after_function(eq: Equations, name: str, end: str) -> list[str]:
-    """The modes after a jump: of surfaces that it puts the state off by their h, of others by their rates."""
+    """The modes after a jump: of surfaces that it puts the state off by their h, of others by their rates.
+
+    Hysteresis keeps its sign until h is beyond its width on the other side.
+    """
     n, m, k = len(eq.form.x), len(eq.form.h), len(eq.form.p)
-    local = [f"Real y[{n}]", f"Real h[{m}]", f"Real g[{m}, {n + 1}]", f"Real f[{n}]", f"Real r[{2 * m}]"]
-    lines = [f"y := {name}{end}(t, x, p, m)", "h := guards(t, y, p, m)", "g := gradients(t, y, p, m)",
-             f"f := field(t, y, p, {_signs(m, 1)}, m)", "r := rates(t, y, p, m)"]  # fmt: skip
+    local = [f"Real y[{n}]", f"Real h[{m}]", f"Real g[{m}, {n + 1}]", f"Real f[{n}]", f"Real r[{2 * m}]",
+             f"Integer q[{m}]"]  # fmt: skip
+    # Signs off the surfaces first: the rates of those that the state lies on are those of the new mode.
+    lines = [f"y := {name}{end}(t, x, p, m)", "h := guards(t, y, p, m)"]
+    lines += [f"q[{i + 1}] := {_off(eq, i)} else m[{i + 1}]" for i in range(m)]
+    lines += ["g := gradients(t, y, p, q)", f"f := field(t, y, p, {_signs(m, 1).replace('m[', 'q[')}, q)",
+              "r := rates(t, y, p, q)"]  # fmt: skip
     for i in range(m):
+        if eq.widths[i] > 0:
+            lines.append(f"after[{i + 1}] := q[{i + 1}]")
+            continue
         on = f"if {_rate('g', i, 'f', n)} > 0 then 1 else -1"
         if slides(eq, i):
             upper, lower = f"r[{2 * i + 1}]", f"r[{2 * i + 2}]"
             on = f"if {upper} < 0 and {lower} > 0 then 0 elseif {upper} > 0 then 1 else -1"
-        lines.append(
-            f"after[{i + 1}] := if h[{i + 1}] > near then 1 elseif h[{i + 1}] < -near then -1 else{on}"
-        )
+        lines.append(f"after[{i + 1}] := {_off(eq, i)} else{on}")
     interface = f"{_inputs(n, m, k)} input Real near; output Real after[{m}];"
     return _straight(f"{name}_sign{end}", interface, local, lines)
+
+
+def ticks_functions(eq: Equations, struck: Sequence[int], end: str) -> list[str]:
+    """States and modes after the clocks that are due, one after the other in their order."""
+    n, m, k = len(eq.form.x), len(eq.form.h), len(eq.form.p)
+    local, lines, x, mode = [], [], "x", "m"
+    for place, i in enumerate(struck, 1):
+        old, (new, after, signs) = (x, mode), (f"x{place}", f"a{place}", f"m{place}")
+        local += [f"Real {new}[{n}]", f"Real {after}[{m}]", f"Integer {signs}[{m}]"]
+        at = f"t, {old[0]}, p, {old[1]}"
+        lines += [f"{new} := strike{i + 1}{end}({at})", f"{after} := strike{i + 1}_sign{end}({at}, near)"]
+        for j in range(1, n + 1):
+            lines.append(f"{new}[{j}] := if due[{place}] > 0 then {new}[{j}] else {x}[{j}]")
+        for j in range(m):
+            sign = f"{after}[{j + 1}]"
+            taken = f"if {sign} > 0.5 then 1 elseif {sign} < -0.5 then -1 else 0"
+            lines.append(f"{signs}[{j + 1}] := if due[{place}] < 1 then {mode}[{j + 1}] else{taken}")
+        x, mode = new, signs
+    given = f"{_inputs(n, m, k)} input Integer due[{len(struck)}]; input Real near;"
+    parts = ((f"ticks{end}", n, x), (f"ticks_sign{end}", m, mode))
+    return [line for name, size, last in parts for line in _straight(
+        name, f"{given} output Real y[{size}];", local,
+        [*lines, *(f"y[{j + 1}] := {last}[{j + 1}]" for j in range(size))],
+    )]  # fmt: skip

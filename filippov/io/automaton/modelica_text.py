@@ -22,6 +22,7 @@ from filippov.io.automaton.modelica_functions import (
     multipliers_function,
     rates_function,
     slides,
+    ticks_functions,
     velocity_function,
 )
 from filippov.io.automaton.printers import ModelicaText
@@ -71,21 +72,8 @@ def modelica_text(
         f"  output Real {word}{'' if word == q else f' {_string(q)}'};"
         for word, q in zip(shown, system.outputs, strict=True)
     ]
-    heights = _heights(eq, values, x0, float(t_span[0]))
-    for i, surface in enumerate(system.surfaces):
-        free = "true" if mode[i] and abs(heights[i]) > 1e-9 else "false"
-        lines.append(f"  Integer mode{i + 1}{end}(start = {mode[i]}, fixed = true) {_string(surface.name)};")
-        lines.append(f'  Boolean free{i + 1}{end}(start = {free}, fixed = true) "clear of the surface";')
-        lines.append(f"  Boolean event{i + 1}{end}(start = false, fixed = true);")
-    lines += [f"  Real f{end}[{n}]; Real h{end}[{m}]; Real r{end}[{2 * m}];"]
-    if shown:
-        lines.append(f"  Real o{end}[{len(shown)}];")
-    jumps = list(_jumps(eq))
-    if jumps:
-        lines.append(f"  discrete Real x{end}[{n}]; discrete Real m{end}[{m}];")
-        lines += [f"  discrete Real side{j + 1}{end}(start = 1, fixed = true);" for j in _resetting(eq)]
-    for i in range(len(system.time_events)):
-        lines += [f"  Boolean clock{i + 1}{end};", f"  Integer count{i + 1}{end}(start = 0, fixed = true);"]
+    jumps, struck = list(_jumps(eq)), [i for i, after in enumerate(eq.strikes) if after is not None]
+    lines += _declared(eq, end, _heights(eq, values, x0, float(t_span[0])), mode)
     lines.append(HELPERS)
     signs = f"{state} input Real s[{m}]; input Integer m[{m}]; output Real"
     moded = f"{state} input Integer m[{m}]; output Real"
@@ -102,6 +90,8 @@ def modelica_text(
                 targets = [(f"y[{j + 1}]", e.xreplace(changed)) for j, e in enumerate(after)]
                 lines += function(eq, f"{word}{i + 1}{end}", f"{moded} y[{n}];", targets)
                 lines += after_function(eq, f"{word}{i + 1}", end)
+    if struck:
+        lines += ticks_functions(eq, struck, end)
     if shown:
         lines += multipliers_function(n, m, k, end)
         given = [(f"y[{j + 1}]", e) for j, e in enumerate(eq.outputs)]
@@ -114,34 +104,59 @@ def modelica_text(
         lines += [f"  {word} = o{end}[{j + 1}];" for j, word in enumerate(shown)]
     lines += [f"  der({q}) = f{end}[{j + 1}];" for j, q in enumerate(system.states)]
     lines += [f"  h{end} = guards({point}, {{{old}}});", f"  r{end} = rates({point}, {{{old}}});"]
-    clocks = names_of(form, eq.modes)
-    clocks |= dict(zip(form.p, system.parameters.names, strict=True))
-    printer = ModelicaText().name(clocks, form.a)
-    for i, event in enumerate(system.time_events):
-        begin, period = (repr(q) if isinstance(q, float) else printer(q) for q in event.instants)
-        t0 = repr(float(t_span[0]))
-        first = (
-            f"(if {begin} > {t0} then {begin} else {begin} + {period}*(floor(({t0} - {begin})/{period}) + 1))"
-        )
-        lines.append(f"  clock{i + 1}{end} = time >= {first} + pre(count{i + 1}{end})*{period};")
-        lines += _chain([(f"clock{i + 1}{end}", [f"count{i + 1}{end} = pre(count{i + 1}{end}) + 1;"])])
+    lines += _clocks(eq, end, float(t_span[0]))
     for i in range(m):
         lines += _surface(eq, i, end, jumps)
     held = f"time, {{{', '.join(f'pre({q})' for q in system.states)}}}, {here[1]}, {{{old}}}"
-    lines += _chain([
-        (_when(word, i, end),
-         [f"x{end} = {word}{i + 1}{end}({held});",
-          f"m{end} = {word}{i + 1}_sign{end}({held}, near{end});",
-          *_sides(eq, word, i, end),
-          *(f"reinit({q}, x{end}[{j + 1}]);" for j, q in enumerate(system.states))])
-        for word, i in jumps
-    ])  # fmt: skip
+    lines += _chain(list(_jumping(eq, struck, held, end)))
+    lines += _in_any_order(eq, struck, end, float(t_span[0]))
     start, stop = (float(q) for q in t_span)
     lines += [
         f"  annotation(experiment(StartTime = {start!r}, StopTime = {stop!r}, Tolerance = 1e-9));",
         f"end {name};",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _declared(eq: Equations, end: str, heights: Sequence[float], mode: Sequence[int]) -> list[str]:
+    """The variables of the automaton's own; heights: h of every surface at the start."""
+    n, m, lines = len(eq.form.x), len(eq.form.h), []
+    for i, surface in enumerate(eq.system.surfaces):
+        free = "true" if mode[i] and mode[i] * heights[i] + eq.widths[i] > 1e-9 else "false"
+        lines.append(f"  Integer mode{i + 1}{end}(start = {mode[i]}, fixed = true) {_string(surface.name)};")
+        lines.append(f'  Boolean free{i + 1}{end}(start = {free}, fixed = true) "clear of the surface";')
+        lines.append(f"  Boolean event{i + 1}{end}(start = false, fixed = true);")
+        if slides(eq, i) and _coupled(eq, i):
+            lines.append(f"  Boolean corner{i + 1}{end}(start = false, fixed = true);")
+    lines.append(f"  Real f{end}[{n}]; Real h{end}[{m}]; Real r{end}[{2 * m}];")
+    if eq.outputs:
+        lines.append(f"  Real o{end}[{len(eq.outputs)}];")
+    jumps = [word for word, _ in _jumps(eq)]
+    if jumps:
+        lines.append(f"  discrete Real x{end}[{n}]; discrete Real m{end}[{m}];")
+        lines += [f"  discrete Real side{j + 1}{end}(start = 1, fixed = true);" for j in _resetting(eq)]
+    if "strike" in jumps:
+        lines.append(f"  Boolean order{end}(start = false, fixed = true);")
+    for k in range(1, len(eq.system.time_events) + 1):
+        lines.append(f"  Boolean clock{k}{end}; Real next{k}{end};")
+        lines.append(f"  Integer count{k}{end}(start = 0, fixed = true);")
+    return lines
+
+
+def _clocks(eq: Equations, end: str, start: float) -> list[str]:
+    """The next instant of every clock, whether it has come, and how many there were."""
+    names = names_of(eq.form, eq.modes) | dict(zip(eq.form.p, eq.system.parameters.names, strict=True))
+    printer, lines = ModelicaText().name(names, eq.form.a), []
+    for k, event in enumerate(eq.system.time_events, 1):
+        # In brackets: Modelica has no sign behind an operator.
+        begin, period = (f"({q!r})" if isinstance(q, float) else f"({printer(q)})" for q in event.instants)
+        t0, clock, count = f"({start!r})", f"clock{k}{end}", f"count{k}{end}"
+        first = (
+            f"(if {begin} > {t0} then {begin} else {begin} + {period}*(floor(({t0} - {begin})/{period}) + 1))"
+        )
+        lines += [f"  next{k}{end} = {first} + pre({count})*{period};", f"  {clock} = time >= next{k}{end};"]
+        lines += _chain([(clock, [f"{count} = pre({count}) + 1;"])])
+    return lines
 
 
 def _check(eq: Equations, name: str, mode: Sequence[int]) -> None:
@@ -203,11 +218,61 @@ def _resetting(eq: Equations) -> list[int]:
     return [i for i, sign in enumerate(eq.reset_from) if sign]
 
 
-def _sides(eq: Equations, word: str, i: int, end: str) -> list[str]:
-    """Whether a jump leaves the state on its side of each surface with a reset: 1, else -1."""
+def _jumping(eq: Equations, struck: Sequence[int], held: str, end: str) -> Iterator[tuple[str, list[str]]]:
+    """The branches in which the state jumps: at any clock, then at every surface with a reset.
+
+    Clocks of one instant strike in one branch, since only one branch of a when-equation is taken.
+    """
+    reinits = [f"reinit({q}, x{end}[{j + 1}]);" for j, q in enumerate(eq.system.states)]
+    if struck:
+        due = ", ".join(f"if clock{i + 1}{end} then 1 else 0" for i in struck)
+        yield _any([f"clock{i + 1}{end}" for i in struck]), [
+            f"x{end} = ticks{end}({held}, {{{due}}}, near{end});",
+            f"m{end} = ticks_sign{end}({held}, {{{due}}}, near{end});",
+            *_sides(eq, -1, end), *reinits,
+        ]  # fmt: skip
+    for i, after in enumerate(eq.resets):
+        if after is not None:
+            yield f"event{i + 1}{end}", [
+                f"x{end} = reset{i + 1}{end}({held});",
+                f"m{end} = reset{i + 1}_sign{end}({held}, near{end});",
+                *_sides(eq, i, end), *reinits,
+            ]  # fmt: skip
+
+
+def _in_any_order(eq: Equations, struck: Sequence[int], end: str, t0: float) -> list[str]:
+    """The end of the run where a clock and another one, or a surface, reset at once and may not commute."""
+    m, at_once = len(eq.form.h), []
+    same = f"1e-14*max(abs(time), abs(time - ({t0!r})))"
+    for i in struck:
+        at_once += [
+            f"abs(next{i + 1}{end} - next{j + 1}{end}) <= {same}" for j in struck
+            if j < i and eq.order[m + j] == eq.order[m + i]
+        ]  # fmt: skip
+        for j in _resetting(eq):
+            if eq.order[j] == eq.order[m + i]:
+                mode, side = f"pre(mode{j + 1}{end})", eq.reset_from[j]
+                own = f" and {mode} == {side}" if side != 2 else ""
+                near = f"pre(free{j + 1}{end}) and {mode}*h{end}[{j + 1}] <= near{end}*1e-3"
+                at_once.append(f"clock{i + 1}{end} and {near}{own}")
+    if not at_once:
+        return [f"  order{end} = false;"] if struck else []
+    clocks = _any([f"clock{i + 1}{end}" for i in struck])
+    lines = _chain([(clocks, [f"order{end} = {' or '.join(f'({q})' for q in at_once)};"])])
+    said = "non_unique: resets are due at once, and the state after them may depend on their order"
+    return lines + _ending(f"order{end}", said)
+
+
+def _any(conditions: Sequence[str]) -> str:
+    """What is true where one of the conditions becomes so, also while another is."""
+    return conditions[0] if len(conditions) == 1 else f"{{{', '.join(conditions)}}}"
+
+
+def _sides(eq: Equations, own: int, end: str) -> list[str]:
+    """Whether a jump leaves the state on its side of each surface with a reset but its own: 1, else -1."""
     return [
         f"side{j + 1}{end} = "
-        + ("1;" if (word, i) == ("reset", j) else f"pre(mode{j + 1}{end})*m{end}[{j + 1}];")
+        + ("1;" if own == j else f"pre(mode{j + 1}{end})*m{end}[{j + 1}];")
         for j in _resetting(eq)
     ]
 
@@ -216,7 +281,7 @@ def _when(word: str, i: int, end: str) -> str:
     return f"{'clock' if word == 'strike' else 'event'}{i + 1}{end}"
 
 
-def _chain(parts: Sequence[tuple[str, Sequence[str]]]) -> list[str]:
+def _chain(parts: Sequence[tuple[str, list[str]]]) -> list[str]:
     """when ... elsewhen ... end when."""
     lines = []
     for k, (condition, body) in enumerate(parts):
@@ -235,7 +300,7 @@ def _surface(eq: Equations, i: int, end: str, jumps: Sequence[tuple[str, int]]) 
     struck = " or ".join(_when(word, j, end) for word, j in jumps if word == "strike")
     first = f" and not ({struck})" if struck and eq.reset_from[i] else ""
     lines = [f"  {event} = {reached}{side if eq.reset_from[i] else ''}{first};"]
-    jumped = " or ".join(_when(word, j, end) for word, j in jumps)
+    jumped = _any([_when(word, j, end) for word, j in jumps]) if jumps else ""
     chain = [(jumped, [f"{mode} = {_sign_of(f'm{end}[{k}]')};"])] if jumps else []
     sliding = slides(eq, i)
     if not eq.reset_from[i] or side:
@@ -260,11 +325,21 @@ def _surface(eq: Equations, i: int, end: str, jumps: Sequence[tuple[str, int]]) 
         lines += _ending(
             f"pre({mode}) == 0 and {lower} - {upper} < 0", f"two-fold: surface {told} attracts no more"
         )
-        for j, part in enumerate(eq.component):
-            if part == eq.component[i] and j != i and eq.system.surfaces[j].kind == "switching":
-                corner = f"{reached} and pre(mode{j + 1}{end}) == 0"
-                lines += _ending(corner, f"corner: surface {told} is reached while a coupled one is slid on")
+        coupled = [f"mode{j + 1}{end}" for j in _coupled(eq, i)]
+        if coupled:
+            # Kept in a variable: tools may not look at a condition that holds within one event only.
+            slid = " or ".join(f"pre({q}) == 0" for q in coupled)
+            lines += _chain([(event if not side else reached, [f"corner{k}{end} = {slid};"])])
+            both = " or ".join(f"{q} == 0" for q in coupled)
+            corner = f"corner: surface {told} is reached while a coupled one is slid on"
+            lines += _ending(f"corner{k}{end} or {mode} == 0 and ({both})", corner)
     return lines
+
+
+def _coupled(eq: Equations, i: int) -> list[int]:
+    """The other surfaces that can be slid on and whose signs have to do with surface i."""
+    same = [j for j, part in enumerate(eq.component) if part == eq.component[i] and j != i]
+    return [j for j in same if eq.system.surfaces[j].kind == "switching"]
 
 
 def _sign_of(value: str) -> str:

@@ -101,6 +101,7 @@ def model_text(
         f"    RESET_FROM = {eq.reset_from!r}",
         f"    CONTACT = {eq.contact!r}",
         f"    COMPONENT = {eq.component!r}",
+        f"    ORDER = {eq.order!r}",
         f"    AFFINE = {eq.affine!r}",
         f"    X0 = {None if x0 is None else [float(v) for v in x0]!r}",
         f"    T_SPAN = {None if t_span is None else tuple(float(v) for v in t_span)!r}",

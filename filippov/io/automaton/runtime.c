@@ -7,6 +7,8 @@
 #define INSTANT 1.42e-14 /* error of the time of an event, over |t| */
 #define SAME 1e-12       /* events closer than this part of the time run pile up */
 #define SHORTEST 1e-10   /* of t: a flight between impacts that cannot be followed */
+#define ONE_STATE 1e-9   /* of their size: states that are one */
+#define MOST_ORDERS 6    /* resets of one instant that are tried in every order */
 #define NEAR_FOLD 1e-3   /* a slide whose rates differ by less of what they did is near a two-fold */
 
 static const double NODES[5] = {1. / 5, 3. / 10, 4. / 5, 8. / 9, 1.};
@@ -713,10 +715,64 @@ static void record_jump(Run *r, const int *before, const double *x, int but) {
     }
 }
 
+/* Whether a surface resets the state that reaches it from the side of its sign. */
+static int resets_from(const Run *r, int i) { return r->m[i] && (RESET_FROM[i] == 2 || RESET_FROM[i] == r->m[i]); }
+
+/* The least and the largest of every state behind the resets of one instant, and its largest size on the way. */
+typedef struct {
+    double low[N], high[N], size[N];
+    int bad;
+} Ends;
+
+/* Takes the resets list[at], list[at + 1], ... in every order, from a state and signs that those before have left. */
+static void in_turn(Run *r, int *list, int at, int count, const double *x, const int *m, Ends *e) {
+    for (int j = 0; j < N; j++) {
+        if (!isfinite(x[j])) e->bad = 1;
+        e->size[j] = fmax(e->size[j], fabs(x[j]));
+        if (at < count) continue;
+        e->low[j] = fmin(e->low[j], x[j]);
+        e->high[j] = fmax(e->high[j], x[j]);
+    }
+    for (int l = at; l < count; l++) {
+        double y[N], h[M];
+        int i = list[l], signs[M], held[M];
+        list[l] = list[at];
+        list[at] = i;
+        if (i < SURFACES) reset(i, r->t, x, r->p, m, y);
+        else strike(i - SURFACES, r->t, x, r->p, m, y);
+        for (int j = 0; j < M; j++) held[j] = m[j] ? m[j] : 1;
+        guards(r->t, y, r->p, held, h);
+        memcpy(signs, m, sizeof signs);
+        for (int j = 0; j < SURFACES; j++)
+            if (fabs(h[j]) > fmax(WIDTH[j], 64 * noise(r, j, r->t, y)) && m[j] * h[j] <= 0) signs[j] = h[j] > 0 ? 1 : -1;
+        in_turn(r, list, at + 1, count, y, signs, e);
+        list[at] = list[l];
+        list[l] = i;
+    }
+}
+
+/* Refuses resets of one instant, of the surfaces that are met and of clocks, whose order decides the next state. */
+static void check_order(Run *r, const int *met) {
+    int list[SURFACES + CLOCKS];
+    for (int group = 0; group < SURFACES + CLOCK_COUNT; group++) {
+        Ends e = {.bad = 0};
+        int count = 0;
+        for (int i = 0; i < SURFACES + CLOCK_COUNT; i++)
+            if (ORDER[i] == group && (i < SURFACES ? met[i] : r->waiting[i - SURFACES] <= r->t + same(r)))
+                list[count++] = i;
+        if (count < 2) continue;
+        if (count > MOST_ORDERS) refuse(r, NON_UNIQUE, -1);
+        for (int j = 0; j < N; j++) e.low[j] = INFINITY, e.high[j] = -INFINITY;
+        in_turn(r, list, 0, count, r->x, r->m, &e);
+        for (int j = 0; j < N; j++)
+            if (e.bad || e.high[j] - e.low[j] > ONE_STATE * e.size[j] + r->atol) refuse(r, NON_UNIQUE, -1);
+    }
+}
+
 /* Takes the step that ends where a watched function vanishes, and decides what follows. */
 static void land(Run *r, const Step *q, int i, int what, double where, double slope) {
     double all[M][3], here[M][3], length = 0;
-    int together[M] = {0}, count = 0, tries;
+    int together[M] = {0}, met[M] = {0}, count = 0, jumps = 0, tries;
     Step s = *q;
     for (tries = 0; tries < SURFACES + 2; tries++) {
         int missed = -1, missed_what = 0;
@@ -761,6 +817,11 @@ static void land(Run *r, const Step *q, int i, int what, double where, double sl
         for (int l = 0; l < j; l++)
             if (together[j] && together[l] && COMPONENT[j] == COMPONENT[l]) refuse(r, CORNER, j);
     }
+    for (int j = 0; j < SURFACES; j++) {
+        met[j] = together[j] & 1 << WATCH_H && resets_from(r, j);
+        jumps += met[j];
+    }
+    if (jumps) check_order(r, met);
     for (int j = 0; j < M; j++) r->order[j] = 0;
     for (int j = 0; j < SURFACES; j++)
         for (int w = 0; w < 3; w++) {
@@ -799,6 +860,12 @@ static double clock_after(const Run *r, int k, double t) {
 
 /* The clocks that are due now, in their order, and the signs after them. */
 static void strike_clocks(Run *r) {
+    int met[M];
+    double h[M];
+    guards(r->t, r->x, r->p, r->m, h);
+    for (int i = 0; i < SURFACES; i++)
+        met[i] = resets_from(r, i) && r->order[i] == 0 && fabs(h[i]) <= noise(r, i, r->t, r->x);
+    check_order(r, met);
     for (int k = 0; k < CLOCK_COUNT; k++) {
         double x[N];
         int before[M], crossed[M];

@@ -242,6 +242,9 @@ class Automaton(Decisions):
         alone = len(together) == 1
         if not alone and (len(set(parts)) < len(parts) or any(self.model.RESET_FROM[j] for j, _ in together)):
             raise Refusal("corner", f"surfaces are reached together: {self.named([j for j, _ in together])}.")
+        jumps = [j for j, which in together if which == "h" and self.model.RESET_FROM[j] in (2, self.m[j])]
+        if jumps:
+            self.check_order([*jumps, *self.due()])
         self.order = [0] * len(self.m)
         for j, which in together:
             before = tuple(self.m)
@@ -297,8 +300,23 @@ class Automaton(Decisions):
         raise Refusal("tangency", f"the solution grazes surface {self.named([key[0]])}, or crosses it "
                       "almost along it.")  # fmt: skip
 
+    def due(self) -> list[int]:
+        """The clocks of this instant, by their numbers among resets: behind those of surfaces."""
+        late = self.t + self.same()
+        return [len(self.m) + k for k, at in enumerate(self.waiting) if at <= late]
+
+    def met(self) -> list[int]:
+        """The surfaces whose reset falls on this instant too, within rounding."""
+        h = self.model.guards(self.t, self.x, self.p, self.m)
+        return [
+            i for i, sign in enumerate(self.m)
+            if sign and self.model.RESET_FROM[i] in (2, sign) and self.order[i] == 0
+            and abs(h[i]) <= self.noise(i, self.t, self.x)
+        ]  # fmt: skip
+
     def strike(self) -> None:
         """The clocks that are due now, one after the other in their order, and the signs after them."""
+        self.check_order([*self.met(), *self.due()])
         for k, clock in enumerate(self.clocks):
             if self.waiting[k] > self.t + self.same():
                 continue

@@ -19,6 +19,8 @@ INSTANT, SAME = 1.42e-14, 1e-12
 NEAR_FOLD = 1e-3
 # A flight between impacts that is shorter than this part of t cannot be followed.
 SHORTEST = 1e-10
+# States that differ by this part of their size are one; so many resets are tried in every order.
+ONE_STATE, MOST_ORDERS = 1e-9, 6
 
 
 class Refusal(Exception):  # noqa: N818  # caught inside, where it becomes a status

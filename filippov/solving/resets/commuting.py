@@ -47,7 +47,7 @@ def composed(run: Run, x: Array, size: Array, mode: Array, due: Sequence[int]) -
     if len(due) == 1:
         return machine.reset(due[0], run.t, x, mode)
     after: _At | None = (x, mode)
-    for group in _groups(machine.system, tuple(due)):
+    for group in groups(machine.system, tuple(due)):
         if after is not None:
             every = _every_order if len(group) <= MOST_TOGETHER else _some_orders
             after = every(reset, after, size + run.atol, group)
@@ -90,7 +90,7 @@ def _one(ends: Sequence[_At], scale: Array) -> bool:
 
 
 @lru_cache(maxsize=256)
-def _groups(system: System, due: tuple[int, ...]) -> tuple[tuple[int, ...], ...]:
+def groups(system: System, due: tuple[int, ...]) -> tuple[tuple[int, ...], ...]:
     """The resets that are due, in groups that commute with each other; one where they are plain functions."""
     form = system.symbolic
     if form is None:
