@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import pytest
 
-from filippov import Status, Surface, System, TimeEvent, solve
+from filippov import Status, Surface, System, TimeEvent, sign, solve
 from filippov.model.symbols import Abs, Expr, Max, states
 
 
@@ -120,3 +120,15 @@ def test_plain_functions_that_are_applied_in_a_sample_of_orders(same: bool) -> N
         assert run.x_end[-1] == pytest.approx(math.prod(factors), rel=1e-13)
     else:
         assert run.status is Status.NON_UNIQUE
+
+
+def test_where_the_order_of_resets_decides_no_choice_of_modes_is_advised() -> None:
+    """nonunique='branch' ends there too, and the message advised it; other ends of this name still do."""
+    x, n = states("x n")
+    clocks = [TimeEvent(name, times=(1,), reset={n: e}) for name, e in (("a", n + 1), ("b", 2 * n))]
+    run = solve(System({x: 1, n: 0}, time_events=clocks), (0, 1), (0, 2))
+    assert run.status is Status.NON_UNIQUE
+    assert "nonunique=" not in run.message
+    assert "earlier or later decides it" in run.message
+    fork = solve(System({x: sign(x)}), (0,), (0, 1))
+    assert "nonunique='branch'" in fork.message

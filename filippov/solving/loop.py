@@ -138,8 +138,9 @@ class _Loop(Settling):
 
     def _sentence(self, status: Status, detail: str = "") -> str:
         where = stopped_at(self.run.t, self.run.signs[: self.watch.surfaces])
-        done = status is Status.ZENO and self.options.zeno == "continue"  # what the advice says
-        return f"{where}: {detail if done else f'{detail} {status.advice}'.lstrip()}"
+        ordered = status is Status.NON_UNIQUE and self.ambiguity is None  # no modes to choose from
+        told = ordered or (status is Status.ZENO and self.options.zeno == "continue")
+        return f"{where}: {detail if told else f'{detail} {status.advice}'.lstrip()}"
 
     def _end(self, status: Status, detail: str = "") -> tuple[Status, str]:
         text = f"{detail} {status.advice}".lstrip() if status.ok else self._sentence(status, detail)
@@ -352,10 +353,9 @@ class _Loop(Settling):
         here = tuple(i for i in sources if i < m)
         self.ambiguity = Ambiguity(run.t, name, (), run.signs, here, start=False)
         names = ", ".join(repr(source_name(run, i)) for i in sources)
-        text = f"backwards in time, {names} is reached, where {BACKWARDS[name]} may have led to the state"
-        return self._end(
-            Status.NON_UNIQUE, f"{text} {state_text(run)}; what was before it is not determined."
-        )
+        text = f"backwards in time, {names} is reached, where {BACKWARDS[name]} may have led to the state "
+        text += f"{state_text(run)}; what was before it is not determined."
+        return self._end(Status.NON_UNIQUE, text)
 
     def _reset(
         self, active: list[int], triggered: Sequence[int], jump: Jump | None = None
