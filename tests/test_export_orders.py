@@ -5,6 +5,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import rumoca
 from exported import load
@@ -91,6 +92,25 @@ def test_hysteresis_keeps_its_sign_at_ticks_in_modelica(start: float, tmp_path: 
     place = 0.1 - phase if phase < 0.2 else phase - 0.3
     assert status == "success"
     assert end == pytest.approx([place, 34], abs=1e-6)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-8, 1e4])
+@pytest.mark.parametrize("seed", range(3))
+def test_kicked_oscillators_in_any_unit_of_length_in_modelica(seed: int, unit: float, tmp_path: Path) -> None:
+    """A kick of up to half a unit crosses the surface or leaves it; 1e-6 was the distance of all units."""
+    rng = np.random.default_rng(seed)
+    level, force, kick = unit * rng.uniform([-0.3, 0.2, 0.3], [0.3, 0.5, 0.6])
+    system = System(
+        {x: v, v: -x - 0.1 * v - force * sign(v - level)},
+        time_events=[TimeEvent("kick", period=0.7, reset={v: v - kick})],
+    )
+    x0 = (unit, unit * float(rng.uniform(-1, 1)))
+    exact = solve(system, x0, (0, 5), atol=1e-12 * unit)
+    path = export_system(system, tmp_path / "Kicked.mo", x0=x0, t_span=(0, 5))
+    config = rumoca.SimConfig(rtol=1e-9, atol=1e-11 * unit)
+    run = rumoca.Session().load(path, model="Kicked").simulate((0.0, 5.0), dt=0.1, config=config)
+    assert run.termination is None
+    assert [run[name][-1] / unit for name in "xv"] == pytest.approx(exact.x_end / unit, abs=1e-5)
 
 
 def test_a_coupled_surface_reached_in_a_slide_ends_the_modelica_text(tmp_path: Path) -> None:

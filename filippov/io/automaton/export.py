@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +13,9 @@ from filippov.base.keywords import keywords
 from filippov.base.names import closest
 from filippov.base.whole_file import write_whole
 from filippov.io.automaton.c_text import c_file
-from filippov.io.automaton.equations import equations
+from filippov.io.automaton.equations import Equations, equations
 from filippov.io.automaton.fmu import write_fmu
-from filippov.io.automaton.modelica_text import modelica_text
+from filippov.io.automaton.modelica_text import heights, modelica_text
 from filippov.io.automaton.python_text import python_module
 from filippov.model.system import System
 from filippov.solving.solver import solve
@@ -22,6 +24,9 @@ from filippov.solving.state.problem import Problem
 
 # What it is written to, and the suffix of its files.
 TARGETS = {"python": ".py", "c": ".c", "modelica": ".mo", "fmu": ".fmu"}
+
+# The exact run that tells how large h gets: its budget of steps, and the places where h is taken.
+SCALE_STEPS, SAMPLES = 100_000, 64
 
 
 @keywords()
@@ -73,7 +78,8 @@ def export_system(
         return write_fmu(eq, values, start, span, Path(path))
     assert span is not None
     mode = _first_mode(system, values, start, span)
-    return write_whole(path, modelica_text(eq, Path(path).stem, values, start, span, mode))
+    extents = _extents(eq, values, start, span)
+    return write_whole(path, modelica_text(eq, Path(path).stem, values, start, span, mode, extents))
 
 
 def _target(to: str | None, path: Path) -> str:
@@ -109,3 +115,21 @@ def _first_mode(
         raise ModelError(f"the mode at the start is not known: {solution.status.value}: {solution.message}")
     first: tuple[int, ...] = solution.segments[0].mode
     return tuple(int(sign) for sign in first)
+
+
+def _extents(
+    eq: Equations, values: Sequence[float], x0: Sequence[float], span: tuple[float, float]
+) -> tuple[float, ...]:
+    """The largest |h| of every surface in the exact run, as far as it gets: its scale."""
+    system = eq.system
+    named = dict(zip(system.parameters.names, values, strict=True))
+    run = solve(system, x0, span, parameters=named, max_steps=SCALE_STEPS)
+    if run.sol is None:
+        return (0.0,) * len(eq.form.h)
+    rows = []
+    for k in range(SAMPLES + 1):
+        place = float(run.t[0] + (run.t_end - run.t[0]) * k / SAMPLES)
+        with suppress(ArithmeticError, TypeError, ValueError):  # no number there
+            rows.append([abs(h) for h in heights(eq, values, [float(v) for v in run.sol(place)], place)])
+    rows = [row for row in rows if all(math.isfinite(h) for h in row)]
+    return tuple(max(column) for column in zip(*rows, strict=True)) or (0.0,) * len(eq.form.h)

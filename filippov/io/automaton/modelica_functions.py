@@ -124,7 +124,8 @@ def _off(eq: Equations, i: int) -> str:
     h, sign = f"h[{i + 1}]", f"m[{i + 1}]"
     if eq.widths[i] > 0:
         return f"if {sign}*{h} + {eq.widths[i]!r} <= 0 then -{sign}"
-    return f"if {h} > near then 1 elseif {h} < -near then -1"
+    near = f"near[{i + 1}]"
+    return f"if {h} > {near} then 1 elseif {h} < -{near} then -1"
 
 
 def after_function(eq: Equations, name: str, end: str) -> list[str]:
@@ -149,7 +150,7 @@ def after_function(eq: Equations, name: str, end: str) -> list[str]:
             upper, lower = f"r[{2 * i + 1}]", f"r[{2 * i + 2}]"
             on = f"if {upper} < 0 and {lower} > 0 then 0 elseif {upper} > 0 then 1 else -1"
         lines.append(f"after[{i + 1}] := {_off(eq, i)} else{on}")
-    interface = f"{_inputs(n, m, k)} input Real near; output Real after[{m}];"
+    interface = f"{_inputs(n, m, k)} input Real near[{m}]; output Real after[{m}];"
     return _straight(f"{name}_sign{end}", interface, local, lines)
 
 
@@ -169,7 +170,7 @@ def ticks_functions(eq: Equations, struck: Sequence[int], end: str) -> list[str]
             taken = f"if {sign} > 0.5 then 1 elseif {sign} < -0.5 then -1 else 0"
             lines.append(f"{signs}[{j + 1}] := if due[{place}] < 1 then {mode}[{j + 1}] else{taken}")
         x, mode = new, signs
-    given = f"{_inputs(n, m, k)} input Integer due[{len(struck)}]; input Real near;"
+    given = f"{_inputs(n, m, k)} input Integer due[{len(struck)}]; input Real near[{m}];"
     parts = ((f"ticks{end}", n, x), (f"ticks_sign{end}", m, mode))
     return [line for name, size, last in parts for line in _straight(
         name, f"{given} output Real y[{size}];", local,

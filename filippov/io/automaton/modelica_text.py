@@ -28,6 +28,9 @@ from filippov.io.automaton.modelica_functions import (
 from filippov.io.automaton.printers import ModelicaText
 from filippov.model.symbols import t as time_symbol
 
+# Up to this part of its largest |h| a state counts as on a surface after a jump, which a tool has located.
+NEAR = 1e-6
+
 # Words of the language, functions that are built in, and names that the model has of its own.
 _WORDS = (
     "algorithm and annotation assert block break class connect connector constant constrainedby der "
@@ -45,9 +48,12 @@ TAKEN = frozenset(_WORDS.split())
 
 def modelica_text(
     eq: Equations, name: str, values: Sequence[float], x0: Sequence[float], t_span: Sequence[float],
-    mode: Sequence[int],
+    mode: Sequence[int], extents: Sequence[float],
 ) -> str:  # fmt: skip
-    """The text of the model; mode: the one at the start. Raises ModelError for what it cannot hold."""
+    """The text of the model; mode: the one at the start; extents: the largest |h| of a run, by surface.
+
+    Raises ModelError for what it cannot hold.
+    """
     _check(eq, name, mode)
     system, form = eq.system, eq.form
     n, m, k = len(form.x), len(form.h), len(form.p)
@@ -63,7 +69,6 @@ def modelica_text(
     lines += [
         f"  parameter Real {q} = {float(v)!r};" for q, v in zip(system.parameters.names, values, strict=True)
     ]
-    lines += [f'  parameter Real near{end} = 1e-6 "|h| up to which a state counts as on a surface";']
     lines += [
         f"  Real {q}(start = {float(v)!r}, fixed = true);" for q, v in zip(system.states, x0, strict=True)
     ]
@@ -73,7 +78,7 @@ def modelica_text(
         for word, q in zip(shown, system.outputs, strict=True)
     ]
     jumps, struck = list(_jumps(eq)), [i for i, after in enumerate(eq.strikes) if after is not None]
-    lines += _declared(eq, end, _heights(eq, values, x0, float(t_span[0])), mode)
+    lines += _declared(eq, end, heights(eq, values, x0, float(t_span[0])), mode, extents)
     lines.append(HELPERS)
     signs = f"{state} input Real s[{m}]; input Integer m[{m}]; output Real"
     moded = f"{state} input Integer m[{m}]; output Real"
@@ -118,11 +123,17 @@ def modelica_text(
     return "\n".join(lines) + "\n"
 
 
-def _declared(eq: Equations, end: str, heights: Sequence[float], mode: Sequence[int]) -> list[str]:
-    """The variables of the automaton's own; heights: h of every surface at the start."""
+def _declared(
+    eq: Equations, end: str, at_start: Sequence[float], mode: Sequence[int], extents: Sequence[float]
+) -> list[str]:  # fmt: skip
+    """The variables of the automaton's own; at_start: h of every surface there, extents: its largest size."""
     n, m, lines = len(eq.form.x), len(eq.form.h), []
     for i, surface in enumerate(eq.system.surfaces):
-        free = "true" if mode[i] and mode[i] * heights[i] + eq.widths[i] > 1e-9 else "false"
+        near = NEAR * (extents[i] or 1.0)
+        clear = mode[i] and mode[i] * at_start[i] + eq.widths[i] > near * 1e-3
+        free = "true" if clear else "false"
+        told = _string(f"|h| up to which a state counts as on {surface.name}")
+        lines.append(f"  parameter Real near{i + 1}{end} = {near!r} {told};")
         lines.append(f"  Integer mode{i + 1}{end}(start = {mode[i]}, fixed = true) {_string(surface.name)};")
         lines.append(f'  Boolean free{i + 1}{end}(start = {free}, fixed = true) "clear of the surface";')
         lines.append(f"  Boolean event{i + 1}{end}(start = false, fixed = true);")
@@ -223,19 +234,20 @@ def _jumping(eq: Equations, struck: Sequence[int], held: str, end: str) -> Itera
 
     Clocks of one instant strike in one branch, since only one branch of a when-equation is taken.
     """
+    near = f"{{{', '.join(f'near{i + 1}{end}' for i in range(len(eq.form.h)))}}}"
     reinits = [f"reinit({q}, x{end}[{j + 1}]);" for j, q in enumerate(eq.system.states)]
     if struck:
         due = ", ".join(f"if clock{i + 1}{end} then 1 else 0" for i in struck)
         yield _any([f"clock{i + 1}{end}" for i in struck]), [
-            f"x{end} = ticks{end}({held}, {{{due}}}, near{end});",
-            f"m{end} = ticks_sign{end}({held}, {{{due}}}, near{end});",
+            f"x{end} = ticks{end}({held}, {{{due}}}, {near});",
+            f"m{end} = ticks_sign{end}({held}, {{{due}}}, {near});",
             *_sides(eq, -1, end), *reinits,
         ]  # fmt: skip
     for i, after in enumerate(eq.resets):
         if after is not None:
             yield f"event{i + 1}{end}", [
                 f"x{end} = reset{i + 1}{end}({held});",
-                f"m{end} = reset{i + 1}_sign{end}({held}, near{end});",
+                f"m{end} = reset{i + 1}_sign{end}({held}, {near});",
                 *_sides(eq, i, end), *reinits,
             ]  # fmt: skip
 
@@ -253,7 +265,7 @@ def _in_any_order(eq: Equations, struck: Sequence[int], end: str, t0: float) -> 
             if eq.order[j] == eq.order[m + i]:
                 mode, side = f"pre(mode{j + 1}{end})", eq.reset_from[j]
                 own = f" and {mode} == {side}" if side != 2 else ""
-                near = f"pre(free{j + 1}{end}) and {mode}*h{end}[{j + 1}] <= near{end}*1e-3"
+                near = f"pre(free{j + 1}{end}) and {mode}*h{end}[{j + 1}] <= near{j + 1}{end}*1e-3"
                 at_once.append(f"clock{i + 1}{end} and {near}{own}")
     if not at_once:
         return [f"  order{end} = false;"] if struck else []
@@ -293,12 +305,12 @@ def _surface(eq: Equations, i: int, end: str, jumps: Sequence[tuple[str, int]]) 
     """The when-equations of a surface, and what ends the run there."""
     k, surface, width = i + 1, eq.system.surfaces[i], eq.widths[i]
     mode, free, event, h = f"mode{k}{end}", f"free{k}{end}", f"event{k}{end}", f"h{end}[{k}]"
-    upper, lower, near = f"r{end}[{2 * k - 1}]", f"r{end}[{2 * k}]", f"near{end}"
+    upper, lower, near = f"r{end}[{2 * k - 1}]", f"r{end}[{2 * k}]", f"near{k}{end}"
     side = f" and pre({mode}) == {eq.reset_from[i]}" if eq.reset_from[i] in (1, -1) else ""
     reached = f"pre({free}) and pre({mode})*{h} + {width!r} < 0"
     # The jump of a clock comes first: where h is beyond 0 behind it, this is no event of its own.
     struck = " or ".join(_when(word, j, end) for word, j in jumps if word == "strike")
-    first = f" and not ({struck})" if struck and eq.reset_from[i] else ""
+    first = f" and not ({struck})" if struck else ""
     lines = [f"  {event} = {reached}{side if eq.reset_from[i] else ''}{first};"]
     jumped = _any([_when(word, j, end) for word, j in jumps]) if jumps else ""
     chain = [(jumped, [f"{mode} = {_sign_of(f'm{end}[{k}]')};"])] if jumps else []
@@ -356,8 +368,8 @@ def _string(text: str) -> str:
     return f'"{plain}"'
 
 
-def _heights(eq: Equations, values: Sequence[float], x0: Sequence[float], t0: float) -> list[float]:
-    """h of every surface at the start."""
+def heights(eq: Equations, values: Sequence[float], x0: Sequence[float], t0: float) -> list[float]:
+    """h of every surface at a state and time."""
     at = {time_symbol: Float(t0)}
     at |= {q: Float(float(v)) for q, v in zip((*eq.form.p, *eq.form.x), (*values, *x0), strict=True)}
     return [float(h.xreplace(at)) for h in eq.form.plain_h()]
