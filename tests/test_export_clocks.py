@@ -9,8 +9,10 @@ import fmpy
 import pytest
 import rumoca
 from exported import load
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi3 import FMU3Slave
 
-from filippov import ModelError, Surface, System, TimeEvent, export_system, sign, solve, states
+from filippov import ModelError, Surface, System, TimeEvent, export_system, sign, solve, states, t
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
 x, n, q = states("x n q")
@@ -46,6 +48,39 @@ def test_15_6_an_fmu_loses_no_tick_at_its_communication_points(step: float, tmp_
     late = int(found["time"][-1] * 10 + 1e-9)
     assert found["n"][-1] == late
     assert found["events"][-1] == late
+
+
+@pytest.mark.parametrize("start", [0.0, 0.55, 1.7, -0.3])
+def test_an_fmu_begins_at_its_start_time(start: float, tmp_path: Path) -> None:
+    """x' = 2 t off x = 9; it began at 0: x_end and the count of ticks were those from there."""
+    system = System(
+        {x: 2 * t + sign(9 - x) - 1, n: 0}, time_events=[TimeEvent("tick", period=0.1, reset={n: n + 1})]
+    )
+    path = export_system(system, tmp_path / "late.fmu", x0=(0, 0), t_span=(0.55, 2))
+    found = fmpy.simulate_fmu(
+        str(path), start_time=start, stop_time=2.05, output_interval=(2.05 - start) / 10, output=["x", "n"]
+    )
+    assert found["time"][-1] == pytest.approx(2.05)
+    exact = solve(system, (0, 0), (start, 2.05))
+    assert exact.x_end == pytest.approx([2.05**2 - start**2, 20 - max(int(start * 10 + 1e-9), -1)])
+    assert [found["x"][-1], found["n"][-1]] == pytest.approx(exact.x_end, abs=1e-9)
+
+
+def test_an_fmu_takes_no_step_twice(tmp_path: Path) -> None:
+    """A second step from the same time left the state as it was, as a success."""
+    path = export_system(ticking(9), tmp_path / "again.fmu", x0=(0, 0), t_span=(0, 2))
+    described = fmpy.read_model_description(str(path))
+    unit = FMU3Slave(
+        guid=described.guid, unzipDirectory=fmpy.extract(str(path), str(tmp_path / "open")),
+        modelIdentifier=described.coSimulation.modelIdentifier, instanceName="again",
+    )  # fmt: skip
+    unit.instantiate()
+    unit.enterInitializationMode()
+    unit.exitInitializationMode()
+    unit.doStep(0.0, 0.5)
+    unit.doStep(0.5 + 1e-12, 0.5)
+    with pytest.raises(FMICallException):
+        unit.doStep(0.5, 0.5)
 
 
 def test_15_6_steps_to_just_before_each_tick_lose_none(tmp_path: Path) -> None:

@@ -68,17 +68,24 @@ class {name}(Fmi3Slave):
             getter=lambda: 0 if self.run is None else len(self.run.result.events),
         ))
         {experiment}
-        self.first = 0.0
+        # Tools tell the start with the first step only; until then it is taken from the default experiment.
+        self.first, self.begun = 0.0 if Model.T_SPAN is None else Model.T_SPAN[0], False
 
     def setup_experiment(self, start_time, *others):
         self.first = start_time
 
     def exit_initialization_mode(self):
-        self.run = Automaton(Model, self.start, self.first, self.parameters)
+        self.run, self.begun = Automaton(Model, self.start, self.first, self.parameters), False
 
     def do_step(self, current_time, step_size):
-        if self.run is None:
+        if self.run is None or not (self.begun or current_time == self.run.t):
             self.run = Automaton(Model, self.start, current_time, self.parameters)
+        self.begun = True
+        if not abs(current_time - self.run.t) <= 1e-6 * step_size:
+            raise RuntimeError(
+                f"the step begins at {{current_time}}, expected {{self.run.t}}, where the last one ended: "
+                "a run goes forwards only"
+            )
         if self.run.advance(current_time + step_size):
             return True
         raise RuntimeError(self.run.result.status + ": " + self.run.result.message)
