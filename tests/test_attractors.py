@@ -356,3 +356,18 @@ def test_equilibria_that_slide_or_rest_are_stable_by_their_multipliers() -> None
         assert one.multipliers[0] == pytest.approx(np.exp(-got.duration), abs=1e-9)
         np.testing.assert_allclose(one.multipliers[1:], 0.0, atol=1e-12)
         assert len(one.multipliers) == 1 + zeros
+
+
+def test_corners_with_ever_more_events_on_the_way_are_attractors() -> None:
+    """x'' = -2 sgn x - 0.4 x' and x' = -sgn y - x, y' = sgn x - y: all go to 0, d as exp(-c t/3), exp(-t)."""
+    relay = System({X: V, V: -2 * sign(X) - 0.4 * V})
+    loop = System({X: -sign(V) - X, V: sign(X) - V})
+    for system in (relay, loop):
+        got = attractors(system, BOX, samples=12)
+        (one,) = got.attractors
+        assert (one.kind, one.stable) == ("equilibrium", True)
+        np.testing.assert_allclose(one.states, [[0.0, 0.0]], atol=1e-9)
+        assert np.all(got.label == 0)
+        assert one.from_dict(json.loads(json.dumps(one.to_dict())), system).stable is True
+    # A state off by x comes to speeds of sqrt x: there is no derivative.
+    assert np.all(np.isnan(StateMap(relay, step=0.5).derivative(np.zeros(2), np.full(2, 4.0))))

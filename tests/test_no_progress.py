@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from filippov import Status, System, TimeEvent, parameters, sign, solve, sqrt, states
+from filippov import Status, System, TimeEvent, parameters, sign, solve, solve_many, sqrt, states
 
 PROFILE = os.environ.get("FILIPPOV_PROFILE", "default")
 DRAWS = {"default": 6, "ci": 20, "nightly": 1000}[PROFILE]
@@ -103,6 +103,28 @@ def ocean() -> System:
     k = parameters(a=0.8, b=0.5, k1=1.0)
     mixing = k.k1 * (1 + sign(Y - k.a * X)) / 2
     return System({X: 1 - X - mixing * X, Y: k.b - k.b * Y - mixing * Y})
+
+
+def test_slow_spirals_that_begin_near_the_corner() -> None:
+    """A run may begin anywhere in the law, as those of a map do; rows end as alone. Rates by closed forms."""
+    rng = np.random.default_rng(9)
+    for number in range(DRAWS):
+        a, b, c = 10 ** rng.uniform(-0.5, 0.5, 3)
+        p, q = rng.uniform(0.2, 0.8, 2)
+        size = 10 ** rng.uniform(-3.3, -2.0)
+        genes = ring(False), (p + size, q), {"a": a, "b": b, "p": p, "q": q}, (p, q), (a + b) / 2
+        # x'' = -a sgn x - c x': a cycle of speed v loses 4 c v^2/(3 a) of it in 4 v/(2 a).
+        relay = System({X: Y, Y: -a * sign(X) - c * Y}), (0.0, size), {}, (0.0, 0.0), c / 3
+        for system, x0, values, corner, rate in (genes, relay):
+            span, given = (0.0, 1e3 / rate), {"parameters": values, "max_events": 20_000}
+            where = f"{number}: {values}, {a}, {c}, {size}"
+            end = solve(system, x0, span, **given)
+            assert "n**-1:" in end.message, f"{where}, {end.message}"
+            told = float(end.message.split("halves every ")[1].split()[0])
+            assert told == pytest.approx(np.log(2) / rate, rel=0.03), where
+            rows = solve_many(system, [x0] * 2, span, zeno="continue", **given)
+            assert rows.status == (Status.SUCCESS,) * 2, where
+            np.testing.assert_allclose(rows.x, [corner] * 2, atol=1e-12)
 
 
 def test_11_8_slow_spirals_around_two_folds() -> None:

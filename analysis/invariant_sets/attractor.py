@@ -37,6 +37,7 @@ class Attractor(Told):
     exponent     largest Lyapunov exponent with its error, (nan, nan) where it was not computed
     stable       True or False by the multipliers; None where they do not decide, and where there are none;
                  True for a periodic orbit without them, to which states beside it came back
+    drawn        True for an equilibrium without them, to which states beside it came back
     low, high    extent by state, (n,)
     orbit        the periodic orbit; None where the flow has no derivative along it, as the note says
     note         further remarks
@@ -55,6 +56,7 @@ class Attractor(Told):
     high: Array = field(default_factory=lambda: np.zeros(0))
     orbit: Orbit | None = None
     note: str = ""
+    drawn: bool = False
     curve: Array | None = field(default=None, repr=False)
     cells: npt.NDArray[np.uint64] | None = field(default=None, repr=False)
 
@@ -62,6 +64,8 @@ class Attractor(Told):
     def stable(self) -> bool | None:
         """Whether the multipliers say that it attracts all states near it."""
         sizes = np.abs(self.multipliers)
+        if self.drawn and not sizes.size:
+            return True
         if self.kind in ("chaotic", "aperiodic") or (self.kind != "periodic" and not sizes.size):
             return None
         if np.any(sizes > 1 + _STABLE):
@@ -115,7 +119,7 @@ class Attractor(Told):
             return cls(
                 data["kind"], points, data["period"], data["duration"], values,
                 (float(data["exponent"][0]), float(data["exponent"][1])), np.array(data["low"], dtype=float),
-                np.array(data["high"], dtype=float), orbit, str(data["note"]),
+                np.array(data["high"], dtype=float), orbit, str(data["note"]), bool(data.get("drawn", False)),
             )  # fmt: skip
         except (KeyError, TypeError, ValueError, IndexError) as error:
             raise UsageError(f"these data describe no attractor ({type(error).__name__}: {error}).") from None

@@ -169,8 +169,8 @@ class Search:
             self.looked = np.union1d(self.looked, here)
             return
         self.vain = 0
-        if found.kind == "equilibrium set":
-            # Drawn in ever more slowly: it will rest in the end.
+        if found.kind == "equilibrium set" or (found.kind == "equilibrium" and found.stable is None):
+            # Drawn in ever more slowly: it will rest in the end, and what comes there too tells the rest.
             self.x[row] = found.states[0]
             self._at_rest(row)
             return
@@ -235,7 +235,7 @@ class Search:
             keep = spread[np.unique(np.linspace(0, len(spread) - 1, 200).astype(int))]
             found = Attractor(
                 kind, keep, multipliers=found.multipliers, low=states.min(axis=0), high=states.max(axis=0),
-                note=found.note,
+                note=found.note, drawn=found.drawn and not apart,
             )  # fmt: skip
             came = np.max(np.abs(states - self.begin[mine]) / self.size, axis=1) > 1e-6
             repels = np.any(np.abs(found.multipliers) > 1 + 1e-6)

@@ -11,7 +11,7 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.invariant_sets.attractor import Attractor, AttractorKind, curve_of
 from filippov.analysis.invariant_sets.recurrence import Grid
 from filippov.analysis.invariant_sets.state_map import StateMap
-from filippov.analysis.invariant_sets.undifferentiated import undifferentiated
+from filippov.analysis.invariant_sets.undifferentiated import attracts, undifferentiated
 from filippov.analysis.maps.stroboscope import strobes_and_turns
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import find_orbit
@@ -35,6 +35,7 @@ LATER, STARTS, ASIDE, SETTLED = 600, 64, 1e-9, 1e-6
 # Of an autonomous system: where one of them then fills so small a part of the extent.
 LESS = 0.3
 FAILS = (SolveError, ArithmeticError, np.linalg.LinAlgError)
+UNDIFFERENTIATED = "no multipliers, but states beside it come back: the flow has no derivative there"
 # An aperiodic solution has the same extent early and late to this part of it.
 STEADY = 0.02
 
@@ -52,6 +53,8 @@ class Identifier:
 
         transient  x is what an irregular solution has come down to
         """
+        if (found := self.rest_after(x)) is not None:
+            return found
         y = self.run(x, LOOK)
         if y is None:
             return None
@@ -83,13 +86,27 @@ class Identifier:
             out.append(here[0])
         return np.array(out)
 
+    def rest_after(self, x: Array) -> Attractor | None:
+        """Where the solution from x has come to rest after the time of LOOK steps; None where it has not.
+
+        In one run, for on the way there may be ever more events, of which none has to be seen.
+        """
+        if self.flow.kind != "step":
+            return None
+        ends = self.flow.over(x[None, :], LOOK * self.flow.duration)
+        if not self.flow.done(ends)[0] or not self.flow.resting(ends.x, NEAR * self.size)[0]:
+            return None
+        return self.at_rest(ends.x[0])
+
     # -- equilibria --------------------------------------------------------------------------------------
 
     def at_rest(self, x: Array) -> Attractor:
         """A state that the solution does not leave: an equilibrium, or one state of a set."""
         matrix = self.flow.derivative(x, self.size)
         if not np.all(np.isfinite(matrix)):
-            return Attractor("equilibrium", x[None, :], low=x.copy(), high=x.copy())
+            found = Attractor("equilibrium", x[None, :], low=x.copy(), high=x.copy())
+            drawn = self.flow.kind != "section" and attracts(self.flow, found, x, self.size)
+            return replace(found, drawn=drawn, note=UNDIFFERENTIATED if drawn else "")
         values = linalg.eigvals(matrix).astype(complex)
         values = values[np.argsort(-np.abs(values), kind="stable")]
         kind: AttractorKind = "equilibrium set" if np.any(np.abs(values - 1) <= 1e-6) else "equilibrium"

@@ -28,6 +28,10 @@ from filippov.solving.uncut import solve, whole
 
 Kind = Literal["strobe", "step", "section"]
 STEPS = 200_000
+# Of so many events in one step half tell the law of what leads to a corner through ever more of them.
+EVENTS = 20_000
+# A step that is chosen has no more: near a corner there are ever more of them.
+FEW_EVENTS = 500
 # A solution is at rest where it is unchanged at these shares of the map's time as well.
 SHARES = (0.371, 0.713)
 # Displacement in one step, in parts of the box, up to which it is doubled; what doubling has to gain, at once
@@ -38,9 +42,10 @@ MOST, LEAST, GAIN, FURTHER = 0.3, 1e-4, 1.5, 256
 NOISE = 10.0
 # Of an ensemble, what has a row for each trajectory.
 _ROWS = ("t", "x", "mode", "nfev", "counts", "last")
-# Of differences, in parts of the sizes; part of a displacement off a slide that may be left where it is lost;
+# Of differences, in parts of the sizes; how much wider they are taken to compare, and up to which part of the
+# largest they may differ; part of a displacement off a slide that may be left where it is lost;
 # singular value of unit normals that belongs to equal ones.
-REACH, LOST, SAME = 1e-5, 1e-2, 1e-9
+REACH, WIDER, ALIKE, LOST, SAME = 1e-5, 16.0, 0.2, 1e-2, 1e-9
 # Shares of the map's time at which it is looked for.
 SOON = (0.02, 0.2, 1.0)
 # How often the step is chosen anew, after so many steps.
@@ -100,14 +105,16 @@ class StateMap:
             "rtol": rtol, "atol": 1e-3 * rtol if atol is None else atol, "max_steps": STEPS,
             "zeno": "continue",
         }  # fmt: skip
+        if self.kind == "step":
+            self.options["max_events"] = EVENTS
         self.threads = threads
 
     def at_pace(self, states: Array, size: Array) -> StateMap:
         """The same map with a step in which solutions cover a good part of their extent.
 
         It is doubled from a short one until half of them go MOST of the sizes (n,), or no further by more
-        time; and again from where they are after some steps, for transients are faster than what they lead
-        to.
+        time, or through more than FEW_EVENTS; and again from where they are after some steps, for
+        transients are faster than what they lead to.
         """
         x, step = states, self.duration
         for _ in range(ROUNDS):
@@ -121,7 +128,7 @@ class StateMap:
                     break
                 if further >= GAIN * pace:
                     step, pace = tried, further
-            ends = self.over(x, SETTLED * step)
+            ends = self.over(x, SETTLED * step, max_events=SETTLED * FEW_EVENTS)
             good = np.array([status is Status.SUCCESS for status in ends.status])
             if not good.any():
                 break
@@ -130,7 +137,7 @@ class StateMap:
 
     def _pace(self, states: Array, size: Array, step: float) -> float:
         """Median displacement in a step of the solutions that move, in parts of the sizes."""
-        ends = self.over(states, step)
+        ends = self.over(states, step, max_events=FEW_EVENTS)
         good = np.array([status is Status.SUCCESS for status in ends.status])
         gone = np.max(np.abs(ends.x - states) / size, axis=1)
         gone = np.where(good, gone, np.inf)
@@ -159,9 +166,10 @@ class StateMap:
             rtol=self.options["rtol"], atol=self.options["atol"],
         )  # fmt: skip
 
-    def over(self, states: Array, duration: float) -> Ensemble:
-        """Where solutions from states at t0 are after another time than the map's."""
-        prepared = Prepared(self.system, (self.t0, self.t0 + duration), threads=self.threads, **self.options)
+    def over(self, states: Array, duration: float, **options: Any) -> Ensemble:
+        """Where solutions from states at t0 are after another time than the map's, by options of `solve`."""
+        used = {**self.options, **options}
+        prepared = Prepared(self.system, (self.t0, self.t0 + duration), threads=self.threads, **used)
         return self._ends(prepared, states)
 
     def _ends(self, prepared: Prepared, states: Array) -> Ensemble:
@@ -192,26 +200,47 @@ class StateMap:
     def derivative(self, x: Array, size: Array) -> Array:
         """dPhi/dx over the map's time at x, (n, n): exact through events; by differences where that fails.
 
-        Of a state that slides, directions off the surfaces are lost where states beside it come back.
+        Of a state that slides, directions off the surfaces are lost where states beside it come back. NaN
+        where differences over WIDER as much are others: the flow has no derivative there.
         """
         run = solve(
             self.system, x, (self.t0, self.t0 + self.duration), parameters=self.parameters, rtol=1e-11,
             atol=1e-13, zeno="continue", nonunique="stick",
         )  # fmt: skip
+        exact = None
         try:
             if run.success:
-                matrix = np.asarray(flow_derivative(run))
-                return matrix if 0 not in run.start_mode else self._off_slides(run, matrix, size)
+                exact = np.asarray(flow_derivative(run))
         except NotDifferentiableError:
             pass
-        reach = REACH * np.diag(size)
-        ends = self.over(np.vstack([x + reach, x - reach]), self.duration).x
-        return np.asarray(((ends[: len(x)] - ends[len(x) :]) / (2 * REACH * size[:, None])).T)
+        if exact is not None and 0 not in run.start_mode:
+            return exact
+        near, far = (
+            self._differences(x, reach * size) if exact is None
+            else self._off_slides(run, exact, size, reach)
+            for reach in (REACH, WIDER * REACH)
+        )  # fmt: skip
+        shape = size / size[:, None]
+        largest = max(float(np.max(np.abs(near * shape))), 1.0)
+        alike = bool(np.max(np.abs((near - far) * shape)) <= ALIKE * largest)
+        return near if alike else np.full_like(near, np.nan)
 
-    def _off_slides(self, run: Solution, matrix: Array, size: Array) -> Array:
+    def _differences(self, x: Array, reach: Array) -> Array:
+        """dPhi/dx at x by central differences over the reach (n,); NaN where a solution fails."""
+        aside = np.diag(reach)
+        ends = self.over(np.vstack([x + aside, x - aside]), self.duration)
+        arrived = np.where(self._whole(ends)[:, None], ends.x, np.nan)
+        return np.asarray(((arrived[: len(x)] - arrived[len(x) :]) / (2 * reach[:, None])).T)
+
+    def _whole(self, ends: Ensemble) -> npt.NDArray[np.bool_]:
+        """Which solutions reached the end of their time."""
+        return np.array([status is Status.SUCCESS for status in ends.status])
+
+    def _off_slides(self, run: Solution, matrix: Array, size: Array, reach: float) -> Array:
         """The derivative of states beside a slide from that along it: (n, n).
 
-        States beside it come to it: what they were off it is lost. Where they do not, by differences.
+        States beside it come to it: what they were off it is lost. Where they do not, by differences over
+        so many parts of the sizes.
         """
         x = run.problem.x0
         field = mode_field(self.system, run.start_mode)
@@ -229,21 +258,22 @@ class StateMap:
         along = np.asarray(linalg.null_space(slopes, rcond=SAME))
         off = np.asarray(linalg.null_space(along.T)) if along.size else np.eye(len(x))
         kept = matrix * size / size[:, None] @ along @ along.T
-        step = REACH * size * off.T
+        step = reach * size * off.T
         starts = np.vstack([x + step, x - step])
         ahead = self._ahead_of_stops(starts)
         gone = np.zeros_like(starts)
         assert run.sol is not None
         # Early as well: what is unstable along the surfaces may leave them in the end.
         for share in SOON if ahead.any() else ():
-            arrived = self.over(starts[ahead], share * self.duration).x
+            ends = self.over(starts[ahead], share * self.duration)
+            arrived = np.where(self._whole(ends)[:, None], ends.x, np.nan)
             gone[ahead] = (arrived - run.sol(self.t0 + share * self.duration)) / size
-            if np.max(np.abs(gone @ off)) <= LOST * REACH:
+            if np.max(np.abs(gone @ off)) <= LOST * reach:
                 break
         else:
             first, second = np.split(gone, 2)
             sides = np.maximum(np.sum(np.split(ahead, 2), axis=0), 1)
-            kept += (first - second).T / (REACH * sides) @ off.T
+            kept += (first - second).T / (reach * sides) @ off.T
         return np.asarray(kept * size[:, None] / size)
 
     def _ahead_of_stops(self, states: Array) -> npt.NDArray[np.bool_]:

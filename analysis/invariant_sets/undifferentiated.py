@@ -48,7 +48,7 @@ def undifferentiated(flow: StateMap, y: Array, size: Array, why: str) -> Attract
         low=curve.min(axis=0), high=curve.max(axis=0), curve=None if strobe else curve,
         note=f"no multipliers, but states beside it come back: {why}",
     )  # fmt: skip
-    return found if _attracts(flow, found, y[-1], size) else None
+    return found if attracts(flow, found, y[-1], size) else None
 
 
 def _period(rows: Array) -> int | None:
@@ -60,7 +60,7 @@ def _period(rows: Array) -> int | None:
     return None
 
 
-def _attracts(flow: StateMap, found: Attractor, x: Array, size: Array) -> bool:
+def attracts(flow: StateMap, found: Attractor, x: Array, size: Array) -> bool:
     """Whether states on all sides come back, those behind a stop left out."""
     system, aside = flow.system, _BESIDE * np.diag(size)
     here = np.vstack([x + aside, x - aside])
@@ -70,8 +70,10 @@ def _attracts(flow: StateMap, found: Attractor, x: Array, size: Array) -> bool:
         if surface.reset is not None and surface.side != "both":
             inside = h[:, i, 0] >= 0.0 if surface.side == "+" else h[:, i, 0] <= 0.0
             here, h = here[inside], h[inside]
-    for _ in range(_LOOK):
-        here, ends = flow(here)
+    in_turn = flow.kind == "section"
+    for _ in range(_LOOK if in_turn else 1):
+        ends = flow(here)[1] if in_turn else flow.over(here, _LOOK * flow.duration)
+        here = ends.x
         if not flow.done(ends).all():
             return False
     return len(here) >= len(x) and bool(np.all(found.distance(here, size) <= _BESIDE / 2))

@@ -24,6 +24,7 @@ from filippov.kernel.tables import codes
 from filippov.kernel.tables.layout import LANES, MOST_LANES
 from filippov.model.system import System
 from filippov.solving.ensemble_rows import End, rows_of, unusable
+from filippov.solving.resets.slow_spiral import LEAST_EVENTS
 from filippov.solving.resets.zeno import sentence
 from filippov.solving.scale import default_atols, of_little_ends, small
 from filippov.solving.state.batch import FEW, OWN_LOOP, UNFINISHED, Batch, lane_unit, system_threads, waits
@@ -422,11 +423,10 @@ def _collect(
             last[q] = event.index, column
             counts[q, event.index, column] += 1
         complete = solution.status is not Status.INTERRUPTED
-    names = system.surface_names
     return Ensemble(
         t, x, batch.mode.astype(np.int64), cast(tuple[Status, ...], tuple(statuses)), tuple(messages),
-        nfev, counts, last,
-        complete=complete, lanes=lanes, threads=threads, surfaces=names, place_of=system.surface_place,
+        nfev, counts, last, complete=complete, lanes=lanes, threads=threads, surfaces=system.surface_names,
+        place_of=system.surface_place,
     )  # fmt: skip
 
 
@@ -439,12 +439,13 @@ def _of_limit(batch: Batch, q: int) -> str:
 
 def _statuses(batch: Batch) -> list[Status | None]:
     """How each row ended; None where `solve` decides, also of rows that got nowhere at last."""
-    listed = batch.code.tolist()
-    first = listed[0] if listed else UNFINISHED
+    first = (listed := batch.code.tolist() or [UNFINISHED])[0]
     if first not in _BUDGETS and listed.count(first) == len(listed):
-        return [_STATUS.get(first)] * len(listed)
-    step, t, t_end = (batch.clock.column(name) for name in ("step", "t", "t_end"))
+        return [_STATUS.get(first)] * batch.size
+    step, t, t_end = map(batch.clock.column, ("step", "t", "t_end"))
     stuck = np.isin(batch.code, _BUDGETS) & (step < STUCK * np.abs(t_end - t))
+    # So many events may follow a law that tells where they lead.
+    stuck |= (batch.code == codes.EVENTS_FULL) & (batch.options.max_events >= LEAST_EVENTS)
     return list(_OF_CODE[np.where(stuck, codes.GENERAL, batch.code) - UNFINISHED].tolist())
 
 

@@ -13,7 +13,6 @@ this. In the plane the rate is half of that at which the fields shrink areas (te
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -23,11 +22,10 @@ from filippov.solving.resets.zeno import Accumulation, onto, second_order
 from filippov.solving.state.events import Event
 from filippov.solving.state.run import Run
 
-# Events that a law is read off, and how well its two halves are to agree.
-LEAST_LAPS, STEADY = 64, 0.1
-# Powers of n that are slow, and parts of the time in which the number of events doubles, one after the other.
-SLOW, FAST = 0.6, 1.6
-LEVEL = 0.5
+# Events that a law is read off, and how well its parts are to agree, in octaves for each octave.
+LEAST_LAPS, STEADY = 64, 0.03
+# How far the distance has to fall, in octaves; how much its rate in time may change from part to part.
+LEAST_FALL, LEVEL = 0.05, 2.0
 RECENT = 64
 # Of a limit in time: least number of events, how much shorter each half of them is to be than the one before,
 # and how well the halves are to agree.
@@ -43,11 +41,10 @@ class SlowSpiral:
     x: Array
     distance: float
     half_life: float
-    power: float
 
     def __str__(self) -> str:
         return (
-            f"event cycles around a corner shrink as n**-{self.power:.2g}: infinitely many events, while the "
+            "event cycles around a corner shrink as n**-1: infinitely many events, while the "
             f"distance from the corner halves every {self.half_life:.3g} and is {self.distance:.2g} now"
         )
 
@@ -57,7 +54,7 @@ class SlowSpiral:
         return (
             f" From t = {self.t:.9g} on this is the solution in a corner, from which the true one is "
             f"{self.distance:.2g} away there, and half as far every {self.half_life:.3g} later: event cycles "
-            f"shrink as n**-{self.power:.2g}. A larger max_events goes on longer event by event."
+            "shrink as n**-1. A larger max_events goes on longer event by event."
         )
 
 
@@ -82,16 +79,18 @@ def slow_spiral(run: Run) -> SlowSpiral | None:
     if count < LEAST_LAPS:
         return None
     distance = _distance if len(part) > 1 else _speed
-    picked = [same[count // 4], same[count // 2], same[-1]]
-    sizes = [distance(run, event, part) for event in picked]
-    times = [event.t for event in picked]
-    if not all(sizes) or times[0] == times[1]:
+    places = np.array([count // 4, count // 2, 3 * count // 4, count - 1])
+    sizes = np.array([distance(run, same[k], part) for k in places])
+    times = np.array([same[k].t for k in places])
+    if not np.all(sizes) or not np.all(np.abs(np.diff(times))):
         return None
-    powers = [float(np.log2(a / b)) for a, b in pairwise(sizes)]
-    lasted = abs(times[2] - times[1]) / abs(times[1] - times[0])
-    if not SLOW < min(powers) <= max(powers) < FAST or abs(powers[1] - powers[0]) > STEADY:
+    # The run may begin anywhere in the law: 1/d grows evenly, however many cycles went before.
+    growth = np.diff(1.0 / sizes) / np.diff(places)
+    fall = float(np.log2(sizes[0] / sizes[-1]))
+    if fall < LEAST_FALL or np.min(growth) <= 0.0 or np.ptp(np.log2(growth)) > STEADY * fall:
         return None
-    if not LEVEL < lasted < 1.0 / LEVEL:
+    rates = -np.diff(np.log2(sizes)) / np.abs(np.diff(times))
+    if np.max(rates) > LEVEL * np.min(rates):
         return None
     x = onto(run, run.t, run.x, part)
     if len(part) == 1:
@@ -99,8 +98,7 @@ def slow_spiral(run: Run) -> SlowSpiral | None:
         if folds is None:
             return None
         x = folds
-    half_life = abs(times[2] - times[1]) / powers[1]
-    return SlowSpiral(part, run.t, x, float(np.max(np.abs(x - run.x))), half_life, powers[1])
+    return SlowSpiral(part, run.t, x, float(np.max(np.abs(x - run.x))), 1.0 / float(rates[-1]))
 
 
 def power_law(run: Run) -> Accumulation | None:
