@@ -20,7 +20,7 @@ from filippov.analysis.maps.first_return import MOST_STEPS
 from filippov.analysis.maps.map_units import map_units
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
-from filippov.base.given import Axis, Count, Interval, Positive, Values
+from filippov.base.given import Amount, Axis, Count, Interval, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Told
@@ -89,7 +89,7 @@ def basin(
     at: Values | None = None,
     parameters: Mapping[str, float] | None = None,
     order: Count = 2,
-    points: Count = 400,
+    points: Amount = 400,
     rtol: Positive = 1e-8,
     threads: Count | None = None,
     engine: Mapping[str, Any] | None = None,

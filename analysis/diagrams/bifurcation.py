@@ -28,7 +28,7 @@ from filippov.analysis.maps.map_units import finer
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.set_slope import log_slope
 from filippov.analysis.maps.stroboscope import Stroboscope
-from filippov.base.given import Count, Interval, Positive
+from filippov.base.given import Amount, Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.solving.state.option_types import Tolerance
@@ -51,7 +51,7 @@ def bifurcation(
     x0: Any = None,
     parameters: Mapping[str, float] | None = None,
     order: Count = 2,
-    points: Count = 400,
+    points: Amount = 400,
     rtol: Positive = 1e-10,
     atol: Tolerance | None = None,
     engine: Mapping[str, Any] | None = None,

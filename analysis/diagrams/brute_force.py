@@ -17,7 +17,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.arrays import Array
-from filippov.base.given import Count, Natural, Positive, as_float, shown
+from filippov.base.given import Amount, Count, Natural, Positive, as_float, shown
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Told
@@ -78,7 +78,7 @@ def brute_force(
     start: Any,
     *,
     transient: Natural = 200,
-    keep: Count = 64,
+    keep: Amount = 64,
     parameters: Mapping[str, float] | None = None,
     follow: bool = False,
     rtol: Positive = 1e-8,

@@ -17,7 +17,7 @@ from filippov.analysis.diagrams.brute_force import brute_force, first_section
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope
 from filippov.base.arrays import Array, Whole
-from filippov.base.given import Axis, Count, Natural, Positive
+from filippov.base.given import Amount, Axis, Natural, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Told
@@ -76,7 +76,7 @@ def period_map(
     *,
     parameters: Mapping[str, float] | None = None,
     transient: Natural = 200,
-    keep: Count = 64,
+    keep: Amount = 64,
     rtol: Positive = 1e-8,
     progress: Callable[[int, int], None] | None = None,
 ) -> PeriodMap:

@@ -23,7 +23,7 @@ from filippov.analysis.diagrams.cells import CLOSEST, cells
 from filippov.analysis.maps.map_rows import MapRows
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array, Whole
-from filippov.base.given import Axis, Count, Interval, Positive
+from filippov.base.given import Axis, Count, Edge, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.shown import Told
@@ -106,7 +106,7 @@ def regions(
     *,
     parameters: Mapping[str, float] | None = None,
     order: Count = 2,
-    points: Count = 40,
+    points: Edge = 40,
     rtol: Positive = 1e-8,
     borders: Sequence[tuple[str, Array]] | str = (),
     threads: Count | None = None,

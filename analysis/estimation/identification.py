@@ -31,7 +31,7 @@ from filippov.analysis.estimation.record import Record
 from filippov.analysis.estimation.residual_noise import degrees_of_freedom, generalised, undetermined
 from filippov.base.arrays import Array
 from filippov.base.escape import figure_text
-from filippov.base.given import Count, Positive, Values
+from filippov.base.given import Amount, Positive, Values
 from filippov.base.given import level as check_level
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
@@ -110,7 +110,7 @@ def identify(
     *,
     start: Values | None = None,
     fixed: Values | None = None,
-    windows: Count | None = None,
+    windows: Amount | None = None,
     hold: str = "auto",
     level: float = 0.95,
     rtol: Positive = 1e-9,

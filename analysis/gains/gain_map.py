@@ -11,7 +11,7 @@ from filippov import System, UsageError
 from filippov.analysis.gains.contraction import contraction
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
-from filippov.base.given import Axis, Count, Interval
+from filippov.base.given import Axis, Edge, Interval
 from filippov.base.keywords import keywords
 from filippov.plot.style import axis_labels
 
@@ -42,7 +42,7 @@ def gain_map(
     *,
     parameters: Mapping[str, float] | None = None,
     band: Sequence[Mapping[str, float]] = ({},),
-    points: Count = 32,
+    points: Edge = 32,
     progress: Callable[[int, int], None] | None = None,
 ) -> GainMap:
     """The largest contraction ratio over the band for every pair of two gains.

@@ -20,7 +20,7 @@ from filippov import System, UsageError
 from filippov.analysis.gains.contraction import contraction
 from filippov.analysis.maps.section import Section
 from filippov.base.arrays import Array
-from filippov.base.given import Count, Interval, Natural, row, shown
+from filippov.base.given import Amount, Edge, Interval, Natural, row, shown
 from filippov.base.keywords import keywords, renamed
 from filippov.base.names import unknown
 from filippov.base.shown import Told
@@ -108,8 +108,8 @@ def tune(
     *,
     parameters: Mapping[str, float] | None = None,
     band: Sequence[Mapping[str, float]] = ({},),
-    samples: Count = 512,
-    points: Count = 40,
+    samples: Amount = 512,
+    points: Edge = 40,
     seed: Natural = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Tuning:

@@ -34,7 +34,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit import stored_system
 from filippov.analysis.orbits.orbit_file import read_json, write_json
 from filippov.base.arrays import Array
-from filippov.base.given import Count, Natural, Positive, Values
+from filippov.base.given import AmountOrZero, Count, Edge, Natural, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.read_whole import content_of
@@ -178,10 +178,10 @@ def attractors(
     period: Any = None,
     step: Positive | None = None,
     t0: float = 0.0,
-    samples: Natural = 400,
+    samples: AmountOrZero = 400,
     seed: Natural = 0,
     plane: tuple[str, str] | None = None,
-    resolution: Count = 40,
+    resolution: Edge = 40,
     at: Values | None = None,
     cells: Count = 60,
     recurrences: Count = 40,

@@ -18,7 +18,7 @@ from filippov.analysis.maps.missed import missed
 from filippov.analysis.maps.section import BoundSection, Section
 from filippov.analysis.sensitivity.saltation import derivative_by_all, onto_section
 from filippov.base.arrays import Array
-from filippov.base.given import Count, Natural, Positive, number_array
+from filippov.base.given import Amount, Count, Natural, Positive, number_array
 from filippov.base.keywords import keywords
 from filippov.base.names import Answering
 from filippov.base.shown import Shown
@@ -247,21 +247,21 @@ class EventMap(Shown, Answering):
         return out
 
     @keywords()
-    def fixed_points(self, lo: float, hi: float, points: Count = 400) -> tuple[Any, ...]:
+    def fixed_points(self, lo: float, hi: float, points: Amount = 400) -> tuple[Any, ...]:
         """Every fixed point in [lo, hi] with kind, slope and stability; see `fixed_points`."""
         from filippov.analysis.maps.fixed_points import fixed_points
 
         return fixed_points(self, lo, hi, points)
 
     @keywords()
-    def basins(self, lo: float, hi: float, points: Count = 400) -> tuple[Any, ...]:
+    def basins(self, lo: float, hi: float, points: Amount = 400) -> tuple[Any, ...]:
         """Intervals of [lo, hi] that go to the same attractor (see `filippov.analysis.maps.fixed_points`)."""
         from filippov.analysis.maps.fixed_points import basins
 
         return basins(self, lo, hi, points)
 
     @keywords()
-    def jumps(self, lo: float, hi: float, points: Count = 400) -> tuple[Any, ...]:
+    def jumps(self, lo: float, hi: float, points: Amount = 400) -> tuple[Any, ...]:
         """Places in [lo, hi] where the map is not continuous (see `filippov.analysis.maps.fixed_points`)."""
         from filippov.analysis.maps.fixed_points import jumps
 

@@ -19,7 +19,7 @@ from filippov.analysis.maps.missed import missed
 from filippov.analysis.maps.section import BoundSection, Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.base.arrays import Array
-from filippov.base.given import Count, Positive
+from filippov.base.given import Amount, Count, Positive
 from filippov.base.keywords import keywords
 from filippov.solving.state.events import Event
 from filippov.solving.state.options import check_state
@@ -56,7 +56,7 @@ class Returns:
 
 @keywords()
 def returns(
-    system: System, section: Section | Stroboscope, x0: Any, count: Count, *,
+    system: System, section: Section | Stroboscope, x0: Any, count: Amount, *,
     parameters: Mapping[str, float] | None = None, t0: float = 0.0, rtol: Positive = 1e-10, atol: Any = None,
     method: str = "DOP853", max_events: Count = 1_000_000,
 ) -> Returns:  # fmt: skip

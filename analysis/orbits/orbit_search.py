@@ -29,7 +29,7 @@ from filippov.analysis.orbits.shooting import (
 )
 from filippov.analysis.steady.forcing import Period, is_forced
 from filippov.base.arrays import Array
-from filippov.base.given import Count, NonNegative, Positive
+from filippov.base.given import Amount, NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.solving.state.events import Mode
 from filippov.solving.state.option_types import Tolerance
@@ -65,7 +65,7 @@ def find_orbit(
     parameters: Mapping[str, float] | None = None,
     period: Any = None,
     symmetry: Any = None,
-    nodes: Count = 1,
+    nodes: Amount = 1,
     transient: NonNegative = 0.0,
     t_max: Positive = 1000.0,
     t0: float = 0.0,

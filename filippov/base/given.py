@@ -30,6 +30,11 @@ Positive = float
 NonNegative = float
 Count = int
 Natural = int
+# Of what is kept in memory: so many things, 0 too, or so many along each edge of a square.
+Amount = int
+AmountOrZero = int
+Edge = int
+MOST_KEPT, LONGEST_EDGE = 10**8, 10**4
 Interval = tuple[float, float]
 Values = Mapping[str, float]
 Axis = tuple[str, Sequence[float]]
@@ -112,7 +117,7 @@ def whole(
     low = -LARGEST if least is None else least
     if found is None or (not plain and not found.is_integer()) or not low <= found <= most:
         bound = "" if least is None else f" of at least {least}"
-        bound = bound if most == LARGEST else f" from {low} to {most}"
+        bound = bound if most == LARGEST and (found is None or found < most) else f" from {low} to {most}"
         raise error(f"{name} is {shown(value)}, expected a whole number{bound}.{_cure(value)}")
     return int(found)
 

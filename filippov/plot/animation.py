@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from filippov.base.errors import UsageError
-from filippov.base.given import Count, Positive
+from filippov.base.given import Amount, Positive
 from filippov.base.keywords import keywords
 from filippov.plot.solution import plot_phase, plot_solution
 from filippov.plot.style import INK, new_figure, style
@@ -27,7 +27,7 @@ def animate(
     states: Sequence[str] | str | None = None,
     *,
     seconds: Positive = 6.0,
-    frames: Count = 90,
+    frames: Amount = 90,
     labels: Mapping[str, str] | None = None,
     title: str = "",
 ) -> Path:

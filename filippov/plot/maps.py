@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from filippov.base.arrays import Array
 from filippov.base.errors import UsageError
-from filippov.base.given import Count
+from filippov.base.given import Amount, Count
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.plot.results import result_of
@@ -48,7 +48,7 @@ def plot_event_map(
     lo: float,
     hi: float,
     *,
-    points: Count = 400,
+    points: Amount = 400,
     samples: tuple[Any, Any] | None = None,
     fixed: Iterable[Any] = (),
     orbit: Any = None,
@@ -120,7 +120,7 @@ def plot_iterates(
     *,
     lo: float | None = None,
     hi: float | None = None,
-    points: Count = 400,
+    points: Amount = 400,
     fixed: Iterable[Any] = (),
     labels: Mapping[str, str] | None = None,
     title: str = "",

@@ -15,7 +15,7 @@ import numpy as np
 from filippov.base.arrays import Array
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.escape import figure_text
-from filippov.base.given import Count
+from filippov.base.given import Amount
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.plot.graph import plot_graph
@@ -55,7 +55,7 @@ def plot_solution(
     multiplier: str | None = None,
     labels: Mapping[str, str] | None = None,
     events: bool = True,
-    points: Count = 2000,
+    points: Amount = 2000,
     title: str = "",
     figure: Figure | None = None,
 ) -> Figure:
@@ -127,7 +127,7 @@ def plot_phase(
     equilibrium: Any = None,
     labels: Mapping[str, str] | None = None,
     events: bool = True,
-    points: Count = 4000,
+    points: Amount = 4000,
     title: str = "",
     figure: Figure | None = None,
 ) -> Figure:

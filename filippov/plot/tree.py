@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.errors import UsageError
-from filippov.base.given import Count
+from filippov.base.given import Amount
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.base.status import Status
@@ -28,7 +28,7 @@ def plot_branches(
     states: Sequence[str] | str | None = None,
     *,
     labels: Mapping[str, str] | None = None,
-    points: Count = 400,
+    points: Amount = 400,
     title: str = "",
     figure: Figure | None = None,
 ) -> Figure:

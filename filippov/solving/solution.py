@@ -14,7 +14,7 @@ import numpy as np
 from filippov.base.arrays import Array
 from filippov.base.delegates import delegate
 from filippov.base.errors import UsageError
-from filippov.base.given import Count, Positive
+from filippov.base.given import Amount, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import no_attribute
 from filippov.base.status import EventKind, Status, mode_text
@@ -293,7 +293,7 @@ class Solution:
     @keywords(answers=_OTHER_PLOTS)
     def plot(
         self, states: Sequence[str] | str | None = None, *, multiplier: str | None = None,
-        labels: Mapping[str, str] | None = None, events: bool = True, points: Count = 2000, title: str = "",
+        labels: Mapping[str, str] | None = None, events: bool = True, points: Amount = 2000, title: str = "",
         figure: Figure | None = None,
     ) -> Figure:  # fmt: skip
         """Time response of states and outputs, sliding phases marked (see `filippov.plot.solution`)."""
@@ -312,7 +312,7 @@ class Solution:
     @keywords()
     def animate(
         self, path: str | Path, states: Sequence[str] | str | None = None, *, seconds: Positive = 6.0,
-        frames: Count = 90, labels: Mapping[str, str] | None = None, title: str = "",
+        frames: Amount = 90, labels: Mapping[str, str] | None = None, title: str = "",
     ) -> Path:  # fmt: skip
         """Write the solution as a film, .gif or .mp4 (see `filippov.plot.animation`)."""
         written: Path = delegate("Solution.animate")(

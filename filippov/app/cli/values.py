@@ -16,6 +16,9 @@ from filippov.base.names import parts, unknown
 SIGNAL = ("kind", "outside", "period", "time", "value")
 POLICIES = ("raise", "stick", "slip", "branch")
 
+# So many values are listed at most.
+MOST_KEPT = 10**8
+
 
 def number(value: Any, name: str) -> float:
     """A finite number: 0.5, "1e-3", "pi/2"."""
@@ -58,12 +61,13 @@ def number_or_formula(value: Any, name: str) -> float | str:
     return number(value, name)
 
 
-def whole(value: Any, name: str, least: int = 1) -> int:
-    """A whole number of at least 1."""
+def whole(value: Any, name: str, least: int = 1, most: int | None = None) -> int:
+    """A whole number of at least 1, and at most so many."""
     result = number(value, name)
-    if result != int(result) or result < least:
+    if result != int(result) or result < least or (most is not None and result > most):
         value = value.strip() if isinstance(value, str) else value
-        raise UsageError(f"{name} is {value!r}, expected a whole number of at least {least}.")
+        bound = f"of at least {least}" if most is None else f"from {least} to {most}"
+        raise UsageError(f"{name} is {value!r}, expected a whole number {bound}.")
     return int(result)
 
 
@@ -122,7 +126,7 @@ def counted_ranges(value: Any, name: str) -> dict[str, tuple[float, float, int |
         parted = item.split(":") if isinstance(item, str) else item
         counted = isinstance(parted, list | tuple) and len(parted) == 3
         low, high = _ends(parted[:2] if counted else item, key, name, form="LOW:HIGH or LOW:HIGH:COUNT")
-        out[key] = (low, high, whole(parted[2], f"{name}: {key}") if counted else None)
+        out[key] = (low, high, whole(parted[2], f"{name}: {key}", most=MOST_KEPT) if counted else None)
     return out
 
 
@@ -154,7 +158,7 @@ def varied(value: Any, name: str) -> dict[str, list[float]]:
             raise UsageError(f"{name}: {key} is {item!r}, expected LOW:HIGH or LOW:HIGH:COUNT.")
         found = [number(end, f"{name}: {key}") for end in ends[:2]]
         if len(ends) == 3:
-            count = whole(ends[2], f"{name}: {key}")
+            count = whole(ends[2], f"{name}: {key}", most=MOST_KEPT)
             step = (found[1] - found[0]) / max(count - 1, 1)
             found = [found[0] + k * step for k in range(count)]
         out[key] = found
