@@ -29,7 +29,7 @@ class UndecidedError(Exception):
 
 
 @dataclass(frozen=True)
-class Branch:
+class Choice:
     """One push where g > 0, another where g < 0."""
 
     g: Expr
@@ -38,7 +38,7 @@ class Branch:
 
 
 Row: TypeAlias = tuple[Expr, ...]
-Tree: TypeAlias = Union[Row, "Branch"]
+Tree: TypeAlias = Union[Row, "Choice"]
 
 
 def has_choices(row: Sequence[Expr]) -> bool:
@@ -96,7 +96,7 @@ def limit(row: Row, approach: Approach) -> Tree:
                 left -= 1
                 if left < 0:
                     raise UndecidedError
-                return Branch(g, *(cases(row, (*known, (g, m))) for m in (1, -1)))
+                return Choice(g, *(cases(row, (*known, (g, m))) for m in (1, -1)))
             side *= one
         taken = {q: q.args[1 if side > 0 else 2] for q in inner if q.args[0] == c}
         return cases(tuple(e.xreplace(taken) for e in row), known)
@@ -125,14 +125,14 @@ def _known(g: Expr, known: Iterable[tuple[Expr, int]]) -> int:
 
 def each(tree: Tree, function: Callable[[Row], Row]) -> Tree:
     """The tree with a function applied to all its rows."""
-    if isinstance(tree, Branch):
-        return Branch(tree.g, each(tree.plus, function), each(tree.minus, function))
+    if isinstance(tree, Choice):
+        return Choice(tree.g, each(tree.plus, function), each(tree.minus, function))
     return function(tree)
 
 
 def rows(tree: Tree) -> Iterator[Row]:
     """What stands in the branches."""
-    if isinstance(tree, Branch):
+    if isinstance(tree, Choice):
         yield from rows(tree.plus)
         yield from rows(tree.minus)
     else:
@@ -141,7 +141,7 @@ def rows(tree: Tree) -> Iterator[Row]:
 
 def slips(tree: Tree) -> Iterator[Expr]:
     """The functions whose signs the tree tells apart, save those of parameters alone."""
-    if isinstance(tree, Branch):
+    if isinstance(tree, Choice):
         if dynamic(tree.g):
             yield tree.g
         yield from slips(tree.plus)
@@ -150,7 +150,7 @@ def slips(tree: Tree) -> Iterator[Expr]:
 
 def joined(tree: Tree, sign: Callable[[Expr], Expr | None]) -> Row:
     """One row, affine in the sign of each function. Raises UndecidedError where `sign` knows none."""
-    if not isinstance(tree, Branch):
+    if not isinstance(tree, Choice):
         return tree
     plus, minus = joined(tree.plus, sign), joined(tree.minus, sign)
     if not dynamic(tree.g):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +22,8 @@ from filippov.solving.state.options import Options
 NUMBERS = ("rtol", "atol", "first_step", "max_step", "max_steps", "max_events")
 OPTIONS = (*NUMBERS, "method", "nonunique", "zeno", "simultaneous", "sliding")
 MOST_SURFACES = 12
+# The steepest exponent in place of the h of a relay: its slope at the flat end is still 0.003.
+STEEPEST = 4.0
 # The most surfaces, with those in formulas (Abs, sign, Max ...), and the most nodes of all fields together.
 MOST_KINKS, MOST_NODES = 64, 40_000
 
@@ -133,7 +136,29 @@ def _as_relay(form: SystemForm) -> SystemForm:
     low, high = (mode.field for mode in (form.automaton if upper else form.automaton[::-1]))
     half = f"({first}-{second})/2" if upper else f"({second}-{first})/2"
     surface = SurfaceForm(f"{where}-({first}+{second})/2", width=half)
+    states, x0 = form.states or (), form.x0 or ()
+    if where in states and len(x0) == len(states):
+        middle, width = number(f"({first}+{second})/2", params), number(half, params)
+        inside = (number(x0[states.index(where)], params) - middle) / width
+        if abs(inside) < 1 and inside * (-1 if upper else 1) < 1e-6:
+            surface = SurfaceForm(_bent(f"(({where})-({first}+{second})/2)/({half})", inside, upper), width=1)
     return dataclasses.replace(form, h=(surface,), fields={"-": low, "+": high})
+
+
+def _bent(h: str, inside: float, below: bool) -> str:
+    """A growing function of h that is -1 and 1 where h is, with h = `inside` on the side of the first mode.
+
+    Between its thresholds a relay begins with the sign of h, an automaton in its first mode. The function is
+    (exp(a h) - cosh a)/sinh a, zero at h = log(cosh a)/a > 1 - log(2)/a for a > 0; -a mirrors it.
+    Raises ModelError.
+    """
+    a = (1 if below else -1) * 1.2 * math.log(2) / (1 - abs(inside))
+    if abs(a) > STEEPEST:
+        raise ModelError(
+            "the automaton begins near to the threshold that ends its first mode: start it farther from it, "
+            "or in the other mode."
+        )
+    return f"(exp({a!r}*({h}))-cosh({a!r}))/sinh({a!r})"
 
 
 def _options(form: SystemForm, names: Mapping[str, Any]) -> dict[str, Any]:

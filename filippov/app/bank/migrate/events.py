@@ -35,13 +35,14 @@ _MARKS: tuple[tuple[Any, str, str], ...] = (
 _SIGN = "sgn_value"
 _SAME = {
     word: kind for kind, words in (
-        ("slide", "enter entry entrie sliding stick stop saturate capture"), ("exit", "leave release slip"),
+        ("slide", "enter entry entrie sliding stick stop saturate capture"),
+        ("exit", "leave release slip breakaway"),
         ("cross", "crossing"), ("reset", "impact jump bounce rebound"), ("graze", "grazing touch tangency"),
     ) for word in words.split()
 }  # fmt: skip
 _KIND = (
-    "enter|entry|slide|sliding|stick|saturate|capture|exit|leave|release|slip|cross|crossing|impact|reset|jump|"
-    "graze|grazing|touch"
+    "enter|entry|slide|sliding|stick|saturate|capture|exit|leave|release|slip|breakaway|cross|crossing|impact|"
+    "reset|jump|graze|grazing|touch|switch|switching|event|hit"
 )
 _PLACE = {"first": 1, "second": 2, "third": 3, "fourth": 4, "fifth": 5, "last": -1}
 # The number of values compared of a formula in n without a range.
@@ -143,7 +144,7 @@ def _of_value(old: Old, _: Groups) -> list[Reading]:
 def kind_word(old: Old, text: str | None) -> Any:
     """The kind of event that a word means: impacts of a system without resets are crossings."""
     word = _SAME.get(text or "", text)
-    if word in ("switch", "switching", "event"):
+    if word in ("switch", "switching", "event", "hit"):
         return None
     return "cross" if word == "reset" and not resets(old.runs) else word
 
@@ -250,7 +251,22 @@ def _numbered(old: Old, g: Groups) -> list[Reading]:
 def _time(old: Old, g: Groups) -> list[Reading]:
     place = counting(g["k"]) if g["k"] else _PLACE[g["place"] or "first"]
     deep = int(g["deep"]) if g["deep"] else None
-    return old.one(OneEvent(kind_word(old, g["kind"]), codimension=deep, until=horizon(old), number=place))
+    kind, until = kind_word(old, g["kind"]), horizon(old)
+    # A switch is an event at which the field changes, or any.
+    ways = (False, True) if g["kind"] in ("switch", "switching") else (False,)
+    return old.either(*(OneEvent(kind, codimension=deep, acting=a, until=until, number=place) for a in ways))
+
+
+def _there(old: Old, g: Groups) -> list[Reading]:
+    """A state at the first or last event of a kind, before and after it."""
+    kind, place = kind_word(old, g["kind"]), _PLACE[g["place"]]
+    takes = (g["state"], f"{g['state']}@after")
+    return old.either(*(OneEvent(kind, number=place, take=take) for take in takes))
+
+
+def _codimension_2(old: Old, g: Groups) -> list[Reading]:
+    """The time of the entry into sliding on two surfaces, or a state there."""
+    return old.one(OneEvent("slide", codimension=2, until=horizon(old), take=g["state"] or "t"))
 
 
 RULES: Rules = (
@@ -277,6 +293,8 @@ RULES: Rules = (
     ((rf"t_(?:(?P<place>first|second|third|fourth|fifth|last)_)?(?P<kind>{_KIND})(?:_(?P<k>\d+))?"
      rf"(?:_codim_?(?P<deep>\d))? (?P<place>first|second|third|last)_(?P<kind>{_KIND})_(?:time|t)"),
      _time),
+    (rf"{{state}}_at_(?P<place>first|second|third|last)_(?P<kind>{_KIND})", _there),
+    (r"t_codim_?2 {state}_at_codim_?2", _codimension_2),
     ((r"t_first(?:_[\d._-]+)? t_event t_switch first_event_t(?:ime)? first_switch(?:_t)? t_root root_time"),
      lambda o, _: o.one(OneEvent())),
 )  # fmt: skip

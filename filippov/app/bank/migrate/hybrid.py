@@ -1,7 +1,7 @@
 """Hybrid texts that are regular enough to be read: a flow with a reset, a two-state automaton.
 
     flow x'=v, v'=-9.8; guard x=0, v<0; reset v->-0.9 v
-    on: T'=-(T-18)/10+2 until 23.5; off: T'=-(T-18)/10 until 22
+    on: T'=-(T-18)/10+2 until 23.5; off: T'=-(T-18)/10 until 22; starts in off
 
 The first becomes a smooth field with a surface that resets; the second an automaton. Anything else stays as
 it is, and the case has to give h and fields.
@@ -20,6 +20,9 @@ from filippov.base.errors import ModelError
 _OTHERS = ("fields", "smooth_field", "automaton")
 _DERIVATIVE = re.compile(r"^\s*(?:d?(\w+)'|d(\w+)/dt)\s*=\s*(.+?)\s*$")
 _AUTOMATON = re.compile(r"^\s*(?P<name>\w+)\s*:\s*(?P<flow>.+?)\s+until\s+(?P<until>.+?)\s*$")
+_BEGIN = re.compile(
+    r"^\s*(?:(?:it )?(?:starts?|begins?)(?: in| with)?|initially|initial mode:?) (?P<name>\w+)\s*$"
+)
 _SIDE = re.compile(r"^\s*(?P<state>\w+)\s*(?P<relation>[<>]=?|=)\s*(?P<value>.+?)\s*$")
 
 
@@ -38,9 +41,18 @@ def written_out(raw: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _automaton(clauses: list[str], states: list[str]) -> dict[str, Any] | None:
+    *clauses, last = clauses
+    begin = _BEGIN.match(last)
+    if begin is None:
+        clauses.append(last)
     parts = [match for match in map(_AUTOMATON.match, clauses) if match]
     if not len(parts) == len(clauses) == 2 or not states:
         return None
+    if begin is not None:
+        # The first mode is the one that the solution begins in.
+        parts.sort(key=lambda part: part["name"] != begin["name"])
+        if parts[0]["name"] != begin["name"]:
+            return None
     bounds = [_SIDE.match(part["until"]) for part in parts]
     where = [states[0], *(bound["state"] for bound in bounds if bound)][-1]
     if where not in states:

@@ -53,7 +53,8 @@ def _pairs(old: Old, value: Any) -> list[list[Any]]:
 
 def verdicts(old: Old, text: str, at: dict[str, Any]) -> list[Reading]:
     """What a text says of stability."""
-    word = text.strip().casefold()
+    # A remark in brackets at the end is prose.
+    word = re.sub(r"\s+\([^()]*\)\s*$", "", text).strip().casefold()
     chosen = _MEANT.get("marginal" if word.startswith("marginal") else word)
     if chosen is None:
         raise NotUnderstoodError(f"{text!r} is no verdict")
@@ -85,6 +86,12 @@ def _at(old: Old, g: Groups) -> list[Reading]:
     wanted = [(old.number(a), old.number(b)) for a, b in rows]
     both = wanted if len(wanted) > 1 else [*wanted, (wanted[0][0], -wanted[0][1])]
     return [Reading(tuple(old.e(RootDistance(root, at), value=0) for root in both))]
+
+
+def _frequency_at(old: Old, g: Groups) -> list[Reading]:
+    """The frequency of a pair on the axis at values of the parameters."""
+    root = (0.0, float(old.wanted()))
+    return [Reading((old.e(RootDistance(root, _assigned(old, g["values"])), value=0),))]
 
 
 def _assigned(old: Old, text: str) -> dict[str, Any]:
@@ -164,6 +171,7 @@ RULES: Rules = (
     (r"(?:is_)?(?P<what>unstable|marginally_stable|marginal)", _verdict_is),
     (r"stable_iff stability_condition hurwitz_iff stable_when stability_range", _iff),
     (r"at_(?P<values>\w+=.+)", _at),
+    (r"(?:omega|frequency|w)_at_(?P<values>\w+=.+)", _frequency_at),
     (r"samples examples", _samples),
     (r"boundary critical", _boundary),
     ((r"(?P<name>\w+?)_(?P<what>max|min|range)(?:_stable)? (?P<what>max|min)_(?P<name>\w+) "

@@ -6,10 +6,12 @@ import re
 from typing import Any
 
 import numpy as np
+import sympy
 from sympy import Symbol
 
 from filippov import Status
 from filippov import t as time_symbol
+from filippov.app.bank.build import build
 from filippov.app.bank.migrate.events import counting, kind_word
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
 from filippov.app.bank.migrate.states import velocity_name, when
@@ -56,6 +58,10 @@ def _must_report(old: Old, _: Groups) -> list[Reading]:
         raise NotUnderstoodError("the text names nothing that a run can report")
     grazing = status is Status.GRAZING
     found = [old.e(End(grazing=grazing), text=status.value)]
+    if status is Status.NOT_FINITE:
+        # Towards a pole the steps end before the state overflows: it has to have grown by then.
+        large = old.e(End("size"), least=1e3, atol=0)
+        return [Reading((old.e(End(), text=Status.MIN_STEP.value), large)), Reading(tuple(found))]
     at = re.search(r"\bt\s*=\s*([^\s,;:)]+)", text)
     if at is not None:
         time = old.number(at[1].rstrip("."))
@@ -89,6 +95,43 @@ def _reachable(old: Old, g: Groups) -> list[Reading]:
     if np.shape(old.wanted()) != (2,):
         raise NotUnderstoodError("it is no interval")
     return old.one(Reachable(time, g["state"] or old.states[0], RELEASES))
+
+
+def _branch_ends(old: Old, _: Groups) -> list[Reading]:
+    points: Any = np.atleast_1d(old.wanted())
+    if points.ndim == 1 and len(old.states) == 1:
+        points = points[:, None]
+    if points.ndim != 2 or points.shape[1] != len(old.states):
+        raise NotUnderstoodError(f"the points have no {len(old.states)} states each")
+    value = [[float(x) for x in row] for row in points]
+    return old.one(Reachable(), value=value, order="set", atol=max(old.tol, NEAR))
+
+
+def _solutions(old: Old, _: Groups) -> list[Reading]:
+    """One solution, or infinitely many; another number depends on what counts as one."""
+    word = old.text.strip().casefold()
+    if word not in ("1", "unique", "infinite", "infinitely many", "inf"):
+        raise NotUnderstoodError("it is neither one nor infinitely many")
+    status = Status.SUCCESS if word in ("1", "unique") else Status.NON_UNIQUE
+    return old.one(End(), text=status.value)
+
+
+def _non_unique_time(old: Old, _: Groups) -> list[Reading]:
+    return [Reading((old.e(End(), text=Status.NON_UNIQUE.value), old.e(End("t"))))]
+
+
+def _count_by(old: Old, g: Groups) -> list[Reading]:
+    """The number of events up to the end of the span, or up to a time beyond it."""
+    time = old.number(g["time"])
+    end = max(old.runs.built.t_span)
+    if time < end * (1 - 1e-12):
+        raise NotUnderstoodError("the time is within the span")
+    return old.one(EventCount(kind_word(old, g["kind"]), until=None if time <= end else time))
+
+
+def _side_weight(old: Old, g: Groups) -> list[Reading]:
+    sign = "-" if g["side"] in ("minus", "-") else "+"
+    return old.one(Formula(f"(1{sign}s)/2", {"s": Signs()}))
 
 
 def _at_event(old: Old, g: Groups) -> list[Reading]:
@@ -140,6 +183,21 @@ def _grazing(old: Old, g: Groups) -> list[Reading]:
     if old.tol == 0:
         raise NotUnderstoodError("it has no tolerance")
     return old.one(Threshold(name, (value - old.tol, value + old.tol), width=old.tol))
+
+
+def _forcing(old: Old, _: Groups) -> list[Reading]:
+    """The value at which a motion grazes, of the one parameter that scales the forcing."""
+    found = []
+    for name in old.runs.built.raw.get("params") or {}:
+        raw = build(old.runs.built.raw, free=name)
+        every = {f for row in raw.fields.values() for f in row}
+        p = next((s for f in every for s in f.free_symbols if s.name == name), None)
+        free = set[Any]().union(*(sympy.diff(f, p).free_symbols for f in every)) if p is not None else set()
+        if time_symbol in free and not {s.name for s in free} & {name, *old.states}:
+            found.append(name)
+    if len(found) != 1:
+        raise NotUnderstoodError(f"{len(found)} parameters scale a forcing")
+    return _grazing(old, {"name": found[0]})
 
 
 def _parameter(old: Old, _: Groups) -> list[Reading]:
@@ -248,7 +306,7 @@ RULES: Rules = (
      lambda o, g: o.one(EventCount(kind_word(o, g["kind"])))),
     (rf"t_(?P<kind>{_KINDS})s (?P<kind>{_KINDS})_instants",
      lambda o, g: o.one(SomeEvents(kind_word(o, g["kind"]), first=o.size))),
-    (r"t_(?:hit|reach|capture|contact|first_hit)(?:_(?P<k>\d+))? (?:hit|hitting|contact)_time",
+    (r"t_(?:hit|reach|capture|contact|threshold|first_hit)(?:_(?P<k>\d+))? (?:hit|hitting|contact)_time",
      lambda o, g: o.one(OneEvent(number=counting(g["k"])))),
     (rf"(?P<state>{{one}}|state)_at_(?P<kind>{_KINDS})(?:_(?P<k>\d+))?", _at_event),
     (r"codim_?2_(?P<what>entry|exit)_(?:point|state) point_codim_?2_(?P<what>entry|exit)", _corner),
@@ -261,8 +319,16 @@ RULES: Rules = (
     (r"steady_state (?:steady_state|steady)_{state} {state}_(?:steady|inf|infinity|ss|steady_state)",
      lambda o, g: o.one(Steady(g["state"], still=max(1e-9, 1e-2 * o.tol)))),
     (r"(?:blow_?up|escape|finite_escape)_time t_(?:blow_?up|escape)", _blow_up),
-    (r"(?:rest|equilibrium|stiction|sticking)_(?:interval|band|zone|set) stick_(?:band|zone|set)", _rest_set),
+    (r"(?:rest|equilibrium|stiction|sticking|dead)_(?:interval|band|zone|set) stick_(?:band|zone|set)",
+     _rest_set),
     (r"(?P<name>\w+)_(?:grazing|graze|critical_grazing) grazing_(?P<name>\w+)", _grazing),
+    (r"grazing_(?:forcing_)?amplitude (?:forcing_)?amplitude_(?:at_)?grazing", _forcing),
+    (r"(?:branch_)?end_(?:states|points) branch_end_(?:states|points) branch_ends", _branch_ends),
+    (r"(?:number_of|n|count_of)_solutions", _solutions),
+    (r"t_non_?unique non_?uniqueness_time t_(?:branch|branching)", _non_unique_time),
+    (rf"(?:n|number_of|num|count)_(?P<kind>{_KINDS})(?:s|es)?_(?:before|until|by|up_to)_(?P<time>[\d.]+)",
+     _count_by),
+    (r"(?:convex_)?weight_(?:of_)?(?P<side>plus|minus|\+|-)", _side_weight),
     (r"\w+", _parameter),
     (r"(?:slide|sliding|stick)_interval", lambda o, _: o.one(_first("interval"))),
     (r"slide_until sliding_until slides_to", lambda o, _: o.one(State(_first("end")))),
@@ -271,7 +337,7 @@ RULES: Rules = (
      _field),
     (r"equivalent_control u_eq ueq sliding_multiplier equivalent_signs?", _multiplier),
     (r"(?:bilinear_|sliding_|convex_)?weights", _weights),
-    (r"sliding_multipliers", _multipliers),
+    (r"(?:sliding|bilinear)_multipliers", _multipliers),
     (r"{state}dot(?:_bilinear)? d{state}(?:/)?dt", lambda o, g: o.one(Rate(component=g["state"]))),
     (r"{state}dot_values",
      lambda o, g: o.either(*(Continuations(s, take=g["state"]) for s in (True, False)), order="any")),

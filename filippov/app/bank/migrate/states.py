@@ -16,6 +16,7 @@ from filippov.app.bank.quantities.along import Along, Share
 from filippov.app.bank.quantities.events import Accumulation, EventCount, OneEvent, Ratios, SomeEvents
 from filippov.app.bank.quantities.orbits import HarmonicBalance, PeriodicOrbit
 from filippov.app.bank.quantities.quantity import Formula, Quantity, When
+from filippov.app.bank.quantities.sliding import Signs
 from filippov.app.bank.quantities.states import (
     LevelTimes,
     Phases,
@@ -26,7 +27,7 @@ from filippov.app.bank.quantities.states import (
     TurningPoints,
 )
 
-_KINDS = "enter|entry|exit|leave|cross|crossing|slide|stick|switch|event|impact|reset|release"
+_KINDS = "enter|entry|exit|leave|cross|crossing|slide|stick|switch|event|impact|reset|release|hit"
 _SPANS: tuple[Any, ...] = ("period", "span")
 _FEW = 8
 _WIDTH = "peak_to_peak|range|ripple|pp|swing"
@@ -198,7 +199,12 @@ def _multipliers(old: Old, g: Groups) -> list[Reading]:
     if old.size > 1 or g["many"]:
         values = sorted(np.atleast_1d(old.wanted()).tolist(), key=abs)
         kinds = [(take, trivial) for take in ("multipliers", "moduli") for trivial in (True, False)]
-        return old.either(*(_orbit(old, k, half=half, trivial=one) for k, one in kinds), value=values)
+        found = old.either(*(_orbit(old, k, half=half, trivial=one) for k, one in kinds), value=values)
+        if len(values) == len(old.states) and values[0] == 0:
+            # The return map of a section as a matrix in all states: along the flow it has 0 in place of 1.
+            takes: tuple[Any, ...] = ("multipliers", "moduli")
+            found += old.either(*(_orbit(old, k, half=half) for k in takes), value=values[1:])
+        return found
     takes = ("multiplier",) if g["sign"] else ("multiplier", "modulus")
     return old.either(*(_orbit(old, take, half=half) for take in takes))
 
@@ -213,7 +219,11 @@ def _stability(old: Old, _: Groups) -> list[Reading]:
 def _ratios(old: Old, g: Groups) -> list[Reading]:
     between = "intervals" if g["gaps"] else velocity_name(old) if g["speeds"] else "distances"
     surfaces: list[Any] = [None, *range(len(old.runs.built.declared))]
-    return old.either(*(Ratios(between, k) for k in surfaces if k is not None or not g["speeds"]), each=True)
+    found = old.either(*(Ratios(between, k) for k in surfaces if k is not None or not g["speeds"]), each=True)
+    if between == "distances" and len(old.runs.built.declared) == 1:
+        # All events lie on the one surface: what shrinks is the state along it.
+        found += old.either(*(Ratios(name) for name in old.states), each=True)
+    return found
 
 
 def _after(old: Old, _: Groups) -> list[Reading]:
@@ -232,6 +242,49 @@ def _after(old: Old, _: Groups) -> list[Reading]:
 def _frequency(old: Old, g: Groups) -> list[Reading]:
     angular = _of_period(old, "2*pi/T")
     return angular if g["angular"] else [*_of_period(old, "1/T"), *angular]
+
+
+def _duty(old: Old, _: Groups) -> list[Reading]:
+    """The share of the time in one mode, or, along sliding, the weight of that mode's field."""
+    slid = old.either(*(Formula(f"(1{sign}s)/2", {"s": Signs()}) for sign in "+-"))
+    return [*(old.other(*(Share(mode, over=over) for over in _SPANS)) for mode in "+-"), *slid]
+
+
+def _width(old: Old, g: Groups) -> list[Reading]:
+    """The width of the range of a state, or its two ends, over a period or else the span."""
+    if old.size == 1:
+        return old.either(*(Along(g["state"], "range", over) for over in _SPANS))
+    low, high = np.asarray(old.wanted(), dtype=float)
+    found = []
+    for over in _SPANS:
+        ends: tuple[tuple[Any, float], ...] = (("min", float(low)), ("max", float(high)))
+        found.append(
+            Reading(tuple(old.e(Along(g["state"], take, over), value=value) for take, value in ends))
+        )
+    return found
+
+
+def _distance(old: Old, _: Groups) -> list[Reading]:
+    """How far the first state is from its start at rest."""
+    begin = float(old.runs.built.x0[0])
+    return old.one(Formula(f"Abs(x_-({begin!r}))", {"x_": Stop(old.states[0])}))
+
+
+def _swings(old: Old, g: Groups) -> list[Reading]:
+    """Magnitudes at the turning points, with or without the start."""
+    name = g["state"] or old.states[0]
+    points = [TurningPoints(name, start=start, first=old.size) for start in (True, False)]
+    return old.either(*(Formula("Abs(v)", {"v": one}) for one in points))
+
+
+def _extreme_time(old: Old, g: Groups) -> list[Reading]:
+    """The time at which a state is largest or least over the span, at a turning point of it."""
+    name, what = g["state"] or old.states[0], g["what"]
+    if g["state"] is None and len(old.states) > 1:
+        raise NotUnderstoodError("it names no state")
+    top = old.e(Formula("v-m", {"v": State(old.value, name), "m": Along(name, what)}), value=0)
+    turns = [old.e(TurningPoints(name, what, number=k + 1, take="t")) for k in range(_FEW)]
+    return [Reading((one, top)) for one in turns]
 
 
 def _durations(old: Old, g: Groups) -> list[Reading]:
@@ -264,11 +317,16 @@ RULES: Rules = (
     (rf"point_(?P<first>first_)?(?P<kind>{_KINDS}) (?P<first>first_)?(?P<kind>{_KINDS})_(?:point|state)",
      lambda o, g: at_events(o, g, "state")),
     ((rf"{{state}}_(?P<first>first_)?(?P<kind>{_KINDS}) "
-     rf"(?P<first>first_)?(?:sliding_|stick_|slip_)?(?P<kind>{_KINDS}|restick|slip_start)_{{state}}"),
+     rf"(?P<first>first_)?(?:sliding_|stick_|slip_)?(?P<kind>{_KINDS}|restick|slip_start)_{{state}} "
+     rf"{{state}}_(?P<kind>restick|slip_start)"),
      lambda o, g: at_events(o, g, g["state"])),
     (r"(?P<what>{one})_(?:stop|rest) (?:stop|rest)_(?P<what>position|{one}) x_(?:stop|rest)",
      lambda o, g: o.one(Stop(g["what"] if g["what"] in o.states else o.states[0]))),
-    (r"t_(?:stop|rest) (?:stop|rest)_time", lambda o, _: o.one(Stop())),
+    (r"t_(?:stop|rest) (?:stop|rest|stopping)_time", lambda o, _: o.one(Stop())),
+    (r"(?:stop|stopping)_distance", _distance),
+    (r"(?:swing_|turning_)?amplitudes(?:_{state})?", _swings),
+    (r"(?:t|time)_(?:of|at)_(?P<what>max|min)(?:_{state})? (?:t|time)_(?P<what>max|min)_{state}",
+     _extreme_time),
     (r"turn(?:ing)?_(?P<what>points?|times?)(?:_{state})?", _turns),
     (r"first_turn_(?:{state}|t|time)",
      lambda o, g: o.one(TurningPoints(o.states[0], number=1, take=g["state"] or "t"))),
@@ -280,7 +338,7 @@ RULES: Rules = (
      lambda o, g: _of_period(o, "T/2" if g["half"] else "T")),
     (r"(?P<first>first_)?(?P<what>stick|slip|sliding|slide)_(?:duration|time|interval_length)", _duration),
     (r"stick_positions? stick_{state} rest_positions?", _stick_position),
-    (r"cycle_(?:crossings?|events?|switches)_{state}", _crossings),
+    (r"cycle_(?:(?:crossings?|events?|switches)_)?{state}", _crossings),
     (r"(?P<what>slides|sticks|crossings|events|stops|impacts)_per_(?P<half>half_)?period", _per_period),
     ((rf"(?:limit_cycle_|cycle_|hunting_|steady_)?amplitude(?:_{{state}})? (?:max_|peak_)amplitude "
      rf"(?:{_CYCLE}|steady)_{{state}}_amplitude"),
@@ -291,7 +349,8 @@ RULES: Rules = (
     (r"floquet_exponent largest_exponent", lambda o, _: o.one(_orbit(o, "exponent"))),
     (r"(?:describing_function|harmonic_balance)_(?P<what>period|frequency|amplitude)",
      lambda o, g: o.either(*(HarmonicBalance(g["what"], k) for k in (1, 2, 3)))),
-    (r"t_converge t_converged convergence_time zeno_time t_zeno t_limit t_accumulation reaching_time",
+    ((r"t_converge t_converged convergence_time zeno_time t_zeno t_limit t_accumulation accumulation_time "
+      r"reaching_time"),
      lambda o, _: [o.other(Accumulation(), OneEvent("slide", number=-1))]),
     ((r"(?P<gaps>ratio_of_intervals|interval_ratio|contraction_of_intervals) "
      r"(?P<speeds>(?:velocity|speed)_ratio\w*) contraction(?:_per_\w+|_ratio)? contraction_factor"),
@@ -300,7 +359,7 @@ RULES: Rules = (
     (r"(?P<what>mean|average|time_average|avg|rms)_{state} {state}_(?P<what>mean|average|avg|rms)",
      lambda o, g: o.either(*(Along(g["state"], "rms" if g["what"] == "rms" else "mean", x) for x in _SPANS))),
     (rf"(?:{_WIDTH})_{{state}} {{state}}_(?:{_WIDTH})",
-     lambda o, g: o.either(*(Along(g["state"], "range", over) for over in _SPANS))),
+     _width),
     (rf"(?:{_CYCLE}|steady)_{{state}}_(?P<what>max|min) (?:{_CYCLE}|steady)_(?P<what>max|min)_{{state}}",
      lambda o, g: o.one(Along(g["state"], g["what"], "period"))),
     ((r"(?:limit_cycle_|cycle_|orbit_|switching_|hunting_|self_oscillation_)?(?P<angular>angular_)?frequency "
@@ -310,7 +369,7 @@ RULES: Rules = (
      r"fraction_of_time_(?P<what>stick|slid|slipp)ing"),
      lambda o, g: [o.other(*(Share(slides=g["what"][:4] != "slip", over=over) for over in _SPANS))]),
     (r"duty_?(?:cycle|ratio)? on_(?:fraction|ratio)",
-     lambda o, _: [o.other(*(Share(mode, over=over) for over in _SPANS)) for mode in "+-"]),
+     _duty),
     ((r"(?:time_in_|total_)(?P<what>stick|sliding|slip)(?:ping|ing)?(?:_time)? "
      r"(?P<what>stick|sliding|slip)_time_total"),
      lambda o, g: o.one(Share(slides=g["what"] != "slip", take="time"))),
