@@ -12,12 +12,14 @@ Sources: Brogliato 2016, section 5; di Bernardo et al. 2008, section 2.2 (sticki
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import sympy
 from sympy import Expr, Float, Symbol
 
 from filippov.model.push import (
+    CLOSE,
+    DIGITS,
     Approach,
     Row,
     Tree,
@@ -27,6 +29,7 @@ from filippov.model.push import (
     joined,
     limit,
     place,
+    rounding,
     rows,
     slips,
 )
@@ -37,10 +40,6 @@ from filippov.model.symbolic import Contact, Select, SymbolicForm
 from filippov.model.symbols import t
 from filippov.model.table import samples, vanishes
 
-DIGITS = 30
-CLOSE = Float("1e-18")
-# Of the terms of an expression with numbers in it.
-ROUNDING = Float("1e-14")
 TRIALS = 6
 KINK = "h has a kink"
 JUMPS = "dh/dt depends on the sign of a surface"
@@ -138,7 +137,9 @@ def _push(form: SymbolicForm, i: int, after: Sequence[Expr], side: int) -> tuple
     if has_choices(row):
         steps_off = {q: -side * e / across.dot(probe) for q, e in zip(x, probe, strict=True) if e != 0}
         try:
-            tree = limit(row, Approach(steps_off, rate, _evaluated(x, (h, rate), after)))
+            inputs = as_symbols([h, rate, *after])
+            zero, others = ([e.xreplace(inputs) for e in part] for part in ((h, rate), after))
+            tree = limit(row, Approach(steps_off, rate, inputs, tuple(_points(x, zero, others))))
         except UndecidedError:
             return CHOICES
 
@@ -179,29 +180,10 @@ def _kept(
             continue
         if any(abs(v) < CLOSE for v in values[len(after) :]):
             return False
-        if any(abs(v) > CLOSE and abs(v) > _rounding(e, at) for v, e in zip(values, after, strict=False)):
+        if any(abs(v) > CLOSE and abs(v) > rounding(e, at) for v, e in zip(values, after, strict=False)):
             return False
         found += 1
     return found > 0
-
-
-def _evaluated(
-    x: Sequence[Symbol], zero: Sequence[Expr], after: Sequence[Expr]
-) -> Callable[[Expr], Sequence[Expr]]:
-    """A function that evaluates expressions in what `after` holds at points where those of `zero` are 0.
-
-    Raises UndecidedError where no such point is found, or one has no value there.
-    """
-    inputs = as_symbols([*zero, *after])
-    points = list(_points(x, [e.xreplace(inputs) for e in zero], [e.xreplace(inputs) for e in after]))
-
-    def values(e: Expr) -> Sequence[Expr]:
-        found = [e.xreplace(inputs).xreplace(at).evalf(DIGITS) for at in points]
-        if not found or not all(v.is_number and v.is_finite for v in found):
-            raise UndecidedError
-        return found
-
-    return values
 
 
 def _points(
@@ -213,14 +195,6 @@ def _points(
         at = _solved({q: Float(v, DIGITS) for q, v in point.items()}, x, sympy.Matrix(zero))
         if at is not None:
             yield at
-
-
-def _rounding(e: Expr, at: dict[Symbol, Expr]) -> Expr:
-    """What the numbers in e, which are known to their rounding, may leave of it where it vanishes: as in
-    (1 + r) w cos(t) - r v - w cos(t) at v = w cos(t), with r and w given as numbers."""
-    if not e.has(Float):
-        return sympy.S.Zero
-    return ROUNDING * sum(abs(term.xreplace(at).evalf(DIGITS)) for term in sympy.Add.make_args(expanded(e)))
 
 
 def _solved(

@@ -16,11 +16,16 @@ from typing import TypeAlias, Union
 import sympy
 from sympy import Expr, Symbol
 
-from filippov.model.size import cancelled
+from filippov.model.size import cancelled, expanded
 from filippov.model.symbolic import Select
 from filippov.model.table import SurfaceTable, dynamic
 
+DIGITS = 30
 CLOSE = sympy.Float("1e-18")
+# Of the terms of an expression with numbers in it.
+ROUNDING = sympy.Float("1e-14")
+# How far from rest choices are compared with their limit.
+BESIDE = sympy.Float("1e-9")
 MOST_CASES = 64
 
 
@@ -46,34 +51,74 @@ def has_choices(row: Sequence[Expr]) -> bool:
     return any(e.has(Select) for e in row)
 
 
+def rounding(e: Expr, at: Mapping[Symbol, Expr]) -> Expr:
+    """What the numbers in e, which are known to their rounding, may leave of it where it vanishes: as in
+    (1 + r) w cos(t) - r v - w cos(t) at v = w cos(t), with r and w given as numbers."""
+    return ROUNDING * _size(e, at) if e.has(sympy.Float) else sympy.S.Zero
+
+
+def _size(e: Expr, at: Mapping[Symbol, Expr]) -> Expr:
+    """The sum of the absolute values of its terms at a point."""
+    return sum(abs(term.xreplace(at).evalf(DIGITS)) for term in sympy.Add.make_args(expanded(e)))
+
+
 @dataclass(frozen=True)
 class Approach:
     """How ever smaller impacts come to rest.
 
     steps    direction of the states along which the rate leaves 0 towards where impacts come from
     rate     dh/dt, 0 at rest
-    values   an expression at a few states at rest
+    inputs   symbols for inputs at the points
+    points   a few states at rest
     """
 
     steps: Mapping[Symbol, Expr]
     rate: Expr
-    values: Callable[[Expr], Sequence[Expr]]
+    inputs: Mapping[Symbol, Expr]
+    points: tuple[Mapping[Symbol, Expr], ...]
 
     def function(self, c: Expr) -> Expr:
         """A function at rest that has the sign which c has shortly before it. Raises UndecidedError."""
-        if all(abs(value) < CLOSE for value in self.values(c)):
-            return sum((c.diff(q) * step for q, step in self.steps.items()), sympy.S.Zero)
-        return c
+        g = self._at_rest(c)
+        if g == 0:
+            g = self._at_rest(sum((c.diff(q) * step for q, step in self.steps.items()), sympy.S.Zero))
+        return sympy.factor(g)
 
-    def at_rest(self, g: Expr) -> Expr:
-        """g with the rate at 0, by a state in which the rate is linear. Raises UndecidedError."""
-        if all(abs(value) < CLOSE for value in self.values(g)):
+    def _at_rest(self, c: Expr) -> Expr:
+        """c with the rate at 0, by a state in which the rate is linear, without what is rounding."""
+        linear = ((q, self.rate.diff(q)) for q in self.steps)
+        found = next(((q, slope) for q, slope in linear if slope != 0 and q not in slope.free_symbols), None)
+        if found is None or not self.points:
+            raise UndecidedError
+        g = cancelled(c.xreplace({found[0]: found[0] - self.rate / found[1]}))
+        sizes = [_size(c.xreplace(self.inputs), at) for at in self.points]
+        if not all(size.is_number and size.is_finite for size in sizes):
+            raise UndecidedError
+        parts = [part for part in sympy.Add.make_args(expanded(g)) if not self._vanishes(part, sizes)]
+        if self._vanishes(g, sizes):
             return sympy.S.Zero
-        for q in self.steps:
-            slope = self.rate.diff(q)
-            if slope != 0 and q not in slope.free_symbols:
-                return sympy.factor(cancelled(g.xreplace({q: q - self.rate / slope})))
-        raise UndecidedError
+        return sympy.Add(*parts) if g.has(sympy.Float) else g
+
+    def chooses(self, row: Row, tree: Tree) -> bool:
+        """Whether the tree leads to what the choices give shortly before rest, at the points."""
+        for at in self.points:
+            ahead = {q: BESIDE * step.xreplace(self.inputs).xreplace(at) for q, step in self.steps.items()}
+            near = {**at, **{q: at[q] + e for q, e in ahead.items()}}
+            taken = tree
+            while isinstance(taken, Choice):
+                g = taken.g.xreplace(self.inputs).xreplace(near).evalf(DIGITS)
+                taken = taken.plus if g > 0 else taken.minus
+            for e, f in zip(row, taken, strict=True):
+                given, found = (q.xreplace(self.inputs).xreplace(near).evalf(DIGITS) for q in (e, f))
+                if not abs(given - found) <= ROUNDING * (abs(given) + BESIDE):
+                    return False
+        return True
+
+    def _vanishes(self, e: Expr, sizes: Sequence[Expr]) -> bool:
+        """Whether it is nothing but rounding of terms of these sizes, one per point."""
+        share = ROUNDING if e.has(sympy.Float) else sympy.S.Zero
+        values = (abs(e.xreplace(self.inputs).xreplace(at).evalf(DIGITS)) for at in self.points)
+        return all(value <= share * size + CLOSE for value, size in zip(values, sizes, strict=True))
 
 
 def limit(row: Row, approach: Approach) -> Tree:
@@ -90,7 +135,7 @@ def limit(row: Row, approach: Approach) -> Tree:
             return row
         c = min((q.args[0] for q in inner), key=sympy.default_sort_key)
         side = 1
-        for g in _factors(approach.at_rest(approach.function(c))):
+        for g in _factors(approach.function(c)):
             one = _known(g, known)
             if not one:
                 left -= 1
@@ -101,7 +146,10 @@ def limit(row: Row, approach: Approach) -> Tree:
         taken = {q: q.args[1 if side > 0 else 2] for q in inner if q.args[0] == c}
         return cases(tuple(e.xreplace(taken) for e in row), known)
 
-    return cases(row, ())
+    tree = cases(row, ())
+    if not approach.chooses(row, tree):
+        raise UndecidedError
+    return tree
 
 
 def _factors(g: Expr) -> list[Expr]:
