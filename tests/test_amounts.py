@@ -6,11 +6,10 @@ from collections.abc import Callable
 
 import pytest
 
-from filippov import Sweep, System, UsageError, sign, solve, states
+from filippov import Problem, Sweep, System, UsageError, sign, solve, states
 from filippov.analysis import attractors, find_orbit, regions, returns, tune
 from filippov.analysis.maps.section import Section
 from filippov.app.cli.main import main
-from filippov.models import get
 
 X, V = states("x v")
 DRY = System({X: V, V: -X - 0.5 * sign(V)})
@@ -29,12 +28,18 @@ HUGE = 10**18
         ("points", lambda: solve(DRY, (1, 0), (0, 1)).plot(points=HUGE)),
         ("samples", lambda: tune(DRY, CUT, {"a": (0, 1)}, (0, 1), samples=HUGE)),
         ("points", lambda: regions(DRY, CUT, ("a", (0, 1)), ("b", (0, 1)), (0, 1), points=HUGE)),
-        ("n", lambda: Sweep(get("hunting"), over={"P": (5, 60)}, samples="sobol", n=HUGE)),
     ],
 )  # fmt: skip
 def test_amounts_are_bounded(name: str, call: Callable[[], object]) -> None:
     with pytest.raises(UsageError, match=rf"{name} is 10{{18}}, expected a whole number from \d to 1"):
         call()
+
+
+@pytest.mark.parametrize("samples", ["sobol", "latin_hypercube"])
+def test_points_of_a_sweep_are_bounded(samples: str) -> None:
+    run = Problem(DRY, (1, 0), (0, 1))
+    with pytest.raises(UsageError, match=r"n is 10{18}, expected at most 50000000: make several sweeps"):
+        Sweep(run, over={"x0.x": (0, 1)}, measure="end", samples=samples, n=HUGE)
 
 
 def test_what_is_beyond_all_numbers_is_said_so() -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from filippov.base.arrays import Whole
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.failure import failure
-from filippov.base.given import Amount, Count, Natural, Positive, positive
+from filippov.base.given import Count, Natural, Positive, positive
 from filippov.base.keywords import keywords, renamed
 from filippov.base.names import unknown
 from filippov.base.version import package_version
@@ -76,7 +76,7 @@ class Sweep:
         samples: str = "grid",
         *,
         measure: Any = ("end", "t_end"),
-        n: Amount | None = None,
+        n: Count | None = None,
         seed: Natural = 0,
         tail: float = 0.5,
         reduce: Any = None,
