@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -44,15 +44,16 @@ def assemble(
     """
     given = tuple(_checked(surface, tuple(equations)) for surface in surfaces)
     if not any(e.has(*NONSMOOTH) for surface in given for _, e in surface.reset or ()):
-        return _assembled(equations, given, parameters, spare, time_events, outputs, ())
+        return _assembled(equations, given, parameters, spare, time_events, outputs, ())[:2]
     # What a contact pushes may depend on signs that the equations do not hold: surfaces of their own.
-    form, found = _assembled(equations, given, parameters, True, time_events, outputs, ())
+    form, found, unused = _assembled(equations, given, parameters, True, time_events, outputs, ())
     declared = {surface.name: surface for surface in given}
     contacts = [(i, declared[q.name]) for i, q in enumerate(found) if q.reset is not None]
     slips = list(dict.fromkeys(g for i, surface in contacts for g in slips_of(form, surface, i)))
-    return _assembled(
-        equations, _with_slips(form, given, slips), parameters, spare, time_events, outputs, slips
-    )
+    if not slips and (spare or not unused):
+        return form, found
+    given = _with_slips(form, given, slips)
+    return _assembled(equations, given, parameters, spare, time_events, outputs, slips)[:2]
 
 
 def _with_slips(form: SymbolicForm, given: Sequence[Surface], slips: Sequence[Expr]) -> tuple[Surface, ...]:
@@ -62,10 +63,7 @@ def _with_slips(form: SymbolicForm, given: Sequence[Surface], slips: Sequence[Ex
         if place(known, g) is None:
             h = -g if g.could_extract_minus_sign() else g
             known.append(h)
-            name, taken = surface_name(h), {surface.name for surface in out}
-            while name in taken:
-                name = f"({name})"
-            out.append(Surface(name, h))
+            out.append(Surface(_free_name(h, {surface.name for surface in out}), h))
     return tuple(out)
 
 
@@ -77,8 +75,8 @@ def _assembled(
     time_events: Sequence[TimeEvent],
     outputs: Sequence[Expr],
     slips: Sequence[Expr],
-) -> tuple[SymbolicForm, tuple[Surface, ...]]:
-    """The form and its surfaces; slips: functions on whose signs the pushes of contacts depend."""
+) -> tuple[SymbolicForm, tuple[Surface, ...], list[Entry]]:
+    """The form, its surfaces, and those without effect; slips: on whose signs pushes of contacts depend."""
     x = tuple(equations)
     for symbol, f in equations.items():
         check_size(f, f"the equation of {symbol.name!r}")
@@ -105,7 +103,8 @@ def _assembled(
     rows = [row for row in (*after.values(), *ticks) if row is not None]
     moved = [e for row in rows for q, e in zip(x, row, strict=True) if e is not q]
     acting = [found[0] for g in slips if (found := extractor.table.match(g)) is not None]
-    used = _used(extractor.table.entries, [*field, *moved, *(entry.s for entry in acting)], spare)
+    holding = [*field, *moved, *(entry.s for entry in acting)]
+    used, unused = _used(extractor.table.entries, holding, spare)
     entries = _ordered(used, [surface.name for surface in given])
 
     names = _names(entries)
@@ -148,7 +147,7 @@ def _assembled(
         form = form.put(signals)
         out = [put_into_source(surface, signals) for surface in out]
         check_inputs([*inputs], (*x, *p))
-    return with_contacts(*normalised(form, out))
+    return *with_contacts(*normalised(form, out)), unused
 
 
 def check_inputs(nodes: Sequence[Expr], others: Sequence[Symbol]) -> None:
@@ -299,33 +298,43 @@ def _strange(symbol: Symbol, x: Sequence[Symbol]) -> str:
 # -- surfaces ------------------------------------------------------------------------------------------
 
 
-def _used(entries: Sequence[Entry], field: Sequence[Expr], spare: bool) -> list[Entry]:
-    """Return the surfaces on which the field depends, directly or through another h, and the observers."""
+def _used(
+    entries: Sequence[Entry], field: Sequence[Expr], spare: bool
+) -> tuple[list[Entry], list[Entry]]:
+    """The surfaces on which the field depends, directly or through another h, and those that are to be kept.
+
+    Then those among them that are without effect; without `spare` they are refused.
+    """
     # A reset names every state, of which it moves few.
     free = set().union(*(f.free_symbols for f in {*field}))
     kept: set[Entry] = set()
-    # A dependency is entered before the surface that needs it, save where the user declared it first.
-    changed = True
-    while changed:
-        changed = False
-        for entry in entries:
-            if entry in kept:
-                continue
-            watched = entry.declared is not None and (
-                entry.declared.kind == "observer" or entry.declared.reset is not None or spare
-            )
-            if entry.s in free or entry.a in free or watched:
-                kept.add(entry)
-                free |= entry.h.free_symbols
-                changed = True
-    for entry in entries:
-        if entry.declared is not None and entry not in kept:
-            raise ModelError(
-                f"surface {entry.declared.name!r} (h = {entry.declared.h}) does not occur in the "
-                "equations. Correct its h, "
-                "leave it out, or say kind='observer' if it is only to be watched."
-            )
-    return [entry for entry in entries if entry in kept]
+
+    def keep(unused: Collection[Entry] = ()) -> None:
+        # A dependency is entered before the surface that needs it, save where the user declared it first.
+        changed = True
+        while changed:
+            changed = False
+            for entry in entries:
+                if entry in kept:
+                    continue
+                watched = entry.declared is not None and (
+                    entry.declared.kind == "observer" or entry.declared.reset is not None or entry in unused
+                )
+                if entry.s in free or entry.a in free or watched:
+                    kept.add(entry)
+                    free.update(entry.h.free_symbols)
+                    changed = True
+
+    keep()
+    unused = [entry for entry in entries if entry.declared is not None and entry not in kept]
+    for entry in unused if not spare else ():
+        assert entry.declared is not None
+        raise ModelError(
+            f"surface {entry.declared.name!r} (h = {entry.declared.h}) does not occur in the equations. "
+            "Correct its h, leave it out, or say kind='observer' if it is only to be watched."
+        )
+    keep(unused)
+    return [entry for entry in entries if entry in kept], unused
 
 
 def _ordered(entries: Sequence[Entry], declared: Sequence[str]) -> list[Entry]:
@@ -359,12 +368,17 @@ def _names(entries: Sequence[Entry]) -> list[str]:
         if entry.declared is not None:
             names.append(entry.declared.name)
             continue
-        name = surface_name(plain)
-        while name in taken:
-            name = f"({name})"
-        taken.add(name)
-        names.append(name)
+        names.append(_free_name(plain, taken))
+        taken.add(names[-1])
     return names
+
+
+def _free_name(h: Expr, taken: Collection[str]) -> str:
+    """The name of a surface that was given none."""
+    name = surface_name(h)
+    while name in taken:
+        name = f"({name})"
+    return name
 
 
 def _after(extractor: Extractor, source: Surface | TimeEvent, x: Sequence[Symbol]) -> list[Expr]:

@@ -212,9 +212,8 @@ def joined(tree: Tree, sign: Callable[[Expr], Expr | None]) -> Row:
 
 def place(h: Sequence[Expr], g: Expr) -> tuple[int, Expr] | None:
     """The number of the function that is g up to a constant factor, and g over it."""
-    table = SurfaceTable()
     for i, other in enumerate(h):
-        factor = table.ratio(g, other)
+        factor = SurfaceTable.ratio(g, other)
         if factor is not None:
             return i, factor
     return None

@@ -190,7 +190,8 @@ class SurfaceTable:
                     break
         return expr.xreplace(sizes) if sizes else expr
 
-    def ratio(self, h: Expr, k: Expr) -> Expr | None:
+    @staticmethod
+    def ratio(h: Expr, k: Expr) -> Expr | None:
         """Return h/k if it is a constant that is not 0, else None."""
         if h == k:
             return S.One
