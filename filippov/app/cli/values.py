@@ -10,12 +10,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from filippov.base.errors import ModelError, UsageError
-from filippov.base.given import MOST_KEPT
 from filippov.base.names import parts, unknown
 
 # As in `filippov.solving.state.options`, which is not imported for a help text.
 SIGNAL = ("kind", "outside", "period", "time", "value")
 POLICIES = ("raise", "stick", "slip", "branch")
+# So many values are listed at most: as in `filippov.base.given`, which would import numpy here.
+MOST_KEPT = 10**8
 
 
 def number(value: Any, name: str) -> float:
